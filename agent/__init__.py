@@ -1,0 +1,5 @@
+"""The robot: behaviours and what they see. `from agent import Robot` is all a behaviour needs."""
+
+from agent.robot import Observation, Robot, Step
+
+__all__ = ["Observation", "Robot", "Step"]

@@ -1,0 +1,1 @@
+"""Behaviours that come with Heliograph, one folder per algorithm family."""

@@ -1,0 +1,1 @@
+"""Lamp, camera and body as a behaviour sees them."""

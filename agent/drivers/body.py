@@ -1,0 +1,45 @@
+"""The robot's own body: where it is, and where it drives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from agent.outbox import Outbox
+from channels.messages import MotionCommand
+
+
+class Pose(NamedTuple):
+    """Place and heading in the world frame."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+class Body:
+    """Own pose (localisation is perfect) and motion commands; the scenario says whether it can move."""
+
+    def __init__(self, pose: tuple[float, float, float], outbox: Outbox) -> None:
+        self._pose = Pose(*pose)
+        self._outbox = outbox
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is now."""
+        return self._pose
+
+    def drive(self, vx_mps: float, vy_mps: float) -> None:
+        """Move with this velocity until told otherwise or stopped by a wall."""
+        self._outbox.command_motion(MotionCommand((vx_mps, vy_mps)))
+
+    def go_to(self, x_m: float, y_m: float, speed_mps: float) -> None:
+        """Drive straight to a place and stop there."""
+        self._outbox.command_motion(MotionCommand(towards_m=(x_m, y_m), speed_mps=speed_mps))
+
+    def stop(self) -> None:
+        """Stand still."""
+        self.drive(0.0, 0.0)
+
+    def deliver(self, pose: tuple[float, float, float]) -> None:
+        """Called by the link: the pose has changed."""
+        self._pose = Pose(*pose)

@@ -1,0 +1,155 @@
+"""What a behaviour sees of its robot. This is the whole surface; on hardware it is the same.
+
+    async def roll_call(robot: Robot) -> None:
+        async for step in robot.steps(period=0.5):
+            robot.radio.broadcast({"id": robot.id})
+            observed = await step.observe()
+            robot.log("heard", {"count": len(observed.heard)})
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from agent.drivers.body import Body
+from agent.drivers.camera import Camera, Frame
+from agent.drivers.lamp import Lamp
+from agent.outbox import Outbox
+from agent.radio import Radio, Received
+from channels.messages import Hello, RawEntry, encode
+from channels.units import to_ns, to_s
+
+
+class Robot:
+    """Radio, lamp, camera, body, randomness, parameters and log of one robot."""
+
+    def __init__(self, hello: Hello, outbox: Outbox, now_ns: Callable[[], int]) -> None:
+        self.id: str = hello.robot
+        """Own name, which is also its network address (wireless id)."""
+        self.params: Mapping[str, Any] = hello.params
+        """The scenario's [params] for this robot."""
+        self.radio = Radio(hello.radio, outbox, now_ns)
+        self.lamp = Lamp(hello.colours, outbox, now_ns)
+        self.camera = Camera()
+        self.body = Body(hello.pose, outbox)
+        self._seed = hello.rng_seed
+        self._outbox = outbox
+        self._now_ns = now_ns
+
+    @property
+    def now_ns(self) -> int:
+        """Reading of the robot's own clock [ns]."""
+        return self._now_ns()
+
+    @property
+    def now_s(self) -> float:
+        """Reading of the robot's own clock [s]; the time base of the event loop."""
+        return to_s(self._now_ns())
+
+    @cached_property
+    def rng(self) -> np.random.Generator:
+        """The robot's own random generator, a function of (scenario seed, robot id) alone."""
+        return np.random.default_rng(self._seed)
+
+    def steps(self, period: float) -> Steps:
+        """Common time steps of `period` seconds, counted from 0 on the own clock.
+
+        `async for step in robot.steps(0.5)`: a step that the behaviour has slept through is skipped.
+        Raises ValueError for a period under a nanosecond.
+        """
+        period_ns = to_ns(period)
+        if period_ns < 1:
+            raise ValueError(f"a step lasts at least a nanosecond, not {period} s")
+        return Steps(self, period_ns)
+
+    def log(self, name: str, data: Mapping[str, Any]) -> None:
+        """Record an entry: what scoring reads. TypeError for what JSON has no form for."""
+        self._outbox.log(RawEntry(name, msgspec.Raw(encode(data))))
+
+
+class Observation:
+    """What was heard and seen in one step."""
+
+    __slots__ = ("frames", "heard")
+
+    def __init__(self, heard: list[Received], frames: list[Frame]) -> None:
+        self.heard = heard
+        """Radio messages, in order of arrival."""
+        self.frames = frames
+        """Camera frames, in order of exposure."""
+
+    def heard_from(self) -> set[str]:
+        """Network addresses of the robots heard in this step."""
+        return {message.sender for message in self.heard}
+
+    def lamps(self) -> dict[int, int]:
+        """Visual id -> brightest lamp colour over the frames of this step (0: seen, never lit)."""
+        lamps: dict[int, int] = {}
+        for frame in self.frames:
+            for visual_id, colour in zip(frame.visual_ids, frame.lamps, strict=True):
+                if colour > lamps.get(visual_id, -1):
+                    lamps[visual_id] = colour
+        return lamps
+
+
+class Step:
+    """One time step: from `start_ns` to `end_ns` on the robot's own clock."""
+
+    __slots__ = ("_robot", "end_ns", "index", "start_ns")
+
+    def __init__(self, robot: Robot, index: int, period_ns: int) -> None:
+        self._robot = robot
+        self.index = index
+        """Counts the steps of this period from time 0."""
+        self.start_ns = index * period_ns
+        self.end_ns = self.start_ns + period_ns
+
+    async def observe(self) -> Observation:
+        """Wait for the end of the step; then what has been heard and seen and not taken before."""
+        await _until(self.end_ns, self._robot.now_ns)
+        return Observation(self._robot.radio.received(), self._robot.camera.frames())
+
+
+class Steps:
+    """Asynchronous iterator over time steps; each waits until its start."""
+
+    __slots__ = ("_next", "_period_ns", "_robot")
+
+    def __init__(self, robot: Robot, period_ns: int) -> None:
+        self._robot = robot
+        self._period_ns = period_ns
+        self._next = -(-robot.now_ns // period_ns)
+
+    def __aiter__(self) -> Steps:
+        return self
+
+    async def __anext__(self) -> Step:
+        period = self._period_ns
+        index = max(self._next, self._robot.now_ns // period)
+        self._next = index + 1
+        await _until(index * period, self._robot.now_ns)
+        return Step(self._robot, index, period)
+
+
+async def _until(when_ns: int, now_ns: int) -> None:
+    """Sleep until an instant of the own clock; the deadline is exact, not a duration from now."""
+    if when_ns <= now_ns:
+        return
+    loop = asyncio.get_running_loop()
+    reached = loop.create_future()
+    timer = loop.call_at(to_s(when_ns), _arrive, reached)
+    try:
+        await reached
+    finally:
+        timer.cancel()
+
+
+def _arrive(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)

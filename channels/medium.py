@@ -1,0 +1,115 @@
+"""The radio medium: who hears a transmission, when, and why not.
+
+Gates are asked in this order, and the first that refuses a receiver names the reason:
+
+    range           out_of_range    disc around the sender
+    queue           queue_full      it never left the sender
+    length          too_long        no slot could hold it (TDMA)
+    slot            out_of_slot     not wholly inside the sender's own slot, by true time (TDMA)
+    receiver        receiver_down   the receiver's radio is off
+    loss            loss            chance
+
+Length comes before slot because what fits no slot lies inside none. The medium owns no clock and no
+socket: it is told the instant, and everything it says is a function of its arguments, the settings and
+the seed. Only `admit` remembers: what the senders' radios are busy with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from channels.fates import Batch, Bools, Fates, Floats, Gate, Ints, Reason
+from channels.gates.bandwidth import QueueGate, TransmitQueues, airtime_ns
+from channels.gates.loss import Jitter, LossGate
+from channels.gates.range import RangeGate
+from channels.gates.receiver import ReceiverGate
+from channels.gates.tdma import LengthGate, SlotGate
+from channels.randomness import stable_keys
+from channels.settings import RadioSettings
+from channels.tdma import Schedule, schedule_of, slot_order
+from channels.units import to_ns
+
+__all__ = ["Fates", "Medium", "Reason"]
+
+_DELIVERED = np.uint8(Reason.delivered)
+
+
+class Medium:
+    """One radio channel shared by a team. Robots are indexed in the order of `robots`.
+
+    Raises ValueError for TDMA without its settings, or with slots that nothing fits into.
+    """
+
+    def __init__(self, settings: RadioSettings, robots: Sequence[str], seed: int) -> None:
+        self._settings = settings
+        self._keys = stable_keys(robots)
+        self.schedule: Schedule | None = None
+        """None: no slots."""
+        self.slots: Sequence[int] = [0] * len(robots)
+        """The slot of each robot; all 0 without slots."""
+        if settings.access == "tdma":
+            if settings.tdma is None:
+                raise ValueError("access is tdma, but there are no tdma settings")
+            self.schedule = schedule_of(settings.tdma, len(robots))
+            self.slots = slot_order(settings.tdma, robots, seed)
+        self._queues = TransmitQueues(len(robots), settings.queue)
+        # A latency that rounds to nothing would let an effect reach another robot at its own instant.
+        self._latency_ns = np.full(len(robots), max(1, to_ns(settings.latency_s)), dtype=np.int64)
+        jitter_ns = to_ns(settings.jitter_s)
+        self._jitter = Jitter(jitter_ns, self._keys, seed) if jitter_ns > 0 else None
+        self._gates = self._chain(seed)
+
+    def _chain(self, seed: int) -> list[Gate]:
+        gates: list[Gate] = [RangeGate(self._settings.range_m), QueueGate()]
+        if self.schedule is not None:
+            gates += [LengthGate(self.schedule), SlotGate(self.schedule, self.slots)]
+        gates.append(ReceiverGate())
+        if self._settings.loss > 0:
+            gates.append(LossGate(self._settings.loss, self._keys, seed))
+        return gates
+
+    def airtime_ns(self, payload_bytes: int) -> int:
+        """Time a message with so much payload occupies the sender's radio; 0 at unlimited bit rate."""
+        return airtime_ns(payload_bytes, self._settings.overhead_bits, self._settings.bit_rate_bps)
+
+    def admit(self, sender: int, now_ns: int, airtime_ns: int) -> int | None:
+        """Hand a message to the sender's radio: the instant it starts (>= now), or None: queue full.
+
+        The radio works through its queue in order. A message counts until its transmission has ended.
+        Instants given for one sender must never decrease.
+        """
+        if self._settings.bit_rate_bps is None:
+            return now_ns
+        return self._queues.admit(sender, now_ns, airtime_ns)
+
+    def transmit(
+        self,
+        now_ns: int,
+        senders: Ints,
+        seqs: Ints,
+        airtimes_ns: NDArray[np.int64],
+        refused: Bools,
+        positions: Floats,
+        listening: Bools,
+    ) -> Fates:
+        """Fates of the transmissions that start now; shapes and meanings as in `Batch`.
+
+        `positions` must not be written to afterwards: what follows from it is kept as long as the same
+        array object comes back.
+        """
+        batch = Batch(now_ns, senders, seqs, airtimes_ns, refused, positions, listening)
+        reason = np.zeros((len(senders), len(positions)), dtype=np.uint8)
+        reason[np.arange(len(senders)), senders] = Reason.not_a_candidate
+        for gate in self._gates:
+            refusals = gate.refuses(batch)
+            if refusals is not None:
+                # Arithmetic, because assignment under a scattered mask costs ten times as much.
+                first = refusals & (reason == _DELIVERED)
+                reason += first.view(np.uint8) * np.uint8(gate.reason)
+        delay_ns = batch.airtimes_ns[:, None] + self._latency_ns
+        if self._jitter is not None:
+            delay_ns += self._jitter.delays_ns(batch)
+        return Fates(reason, delay_ns)

@@ -1,0 +1,357 @@
+"""The engine: keeps virtual time, grants it to robots, and applies what they report.
+
+A conservative parallel discrete-event simulation. The engine takes the earliest instant at which
+anything happens, applies it, sends every robot that is due one grant, and waits until each has run
+until idle. Every medium takes more than no time, so nothing a robot does at t reaches another
+robot at t, and no order among the robots of one instant matters to them.
+
+Within one instant the order is fixed: transmissions that start now (in the order they were handed
+over), camera exposures, the scene for viewers, then the robots, whose reports are handled in robot
+order; last the transmissions they start at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from heapq import heappop, heappush
+from typing import Any
+
+import numpy as np
+from msgspec import Raw
+from numpy.typing import NDArray
+
+from channels.clocks import LocalClock
+from channels.messages import (
+    AWAITS_CAMERA,
+    AWAITS_RADIO,
+    LogEntry,
+    MotionCommand,
+    RawGrant,
+    Report,
+    encode,
+)
+from channels.units import NS_PER_S, to_ns
+from emulator.airwaves import Airwaves
+from emulator.eyes import Eyes
+from emulator.fleet import Fleet, RobotFailure
+from emulator.lamps import Lamps
+from emulator.mail import Mail
+from emulator.stopwatch import Stopwatch
+from emulator.world import World
+from logs.recorder import Recorder
+
+Poses = NDArray[np.float64]
+
+
+class Event(IntEnum):
+    """Kinds of events, in the order they are handled within one instant."""
+
+    TRANSMISSION = 0
+    EXPOSURE = 1
+    SCENE = 2
+    WAKE = 3
+
+
+@dataclass(frozen=True)
+class StopRule:
+    """The run is over once every robot has logged `entry` with a true `field`."""
+
+    entry: str
+    field: str
+
+
+@dataclass
+class Progress:
+    """What has happened so far; counted, never measured, so that it is the same in every run."""
+
+    now_ns: int = 0
+    activations: int = 0
+    sent: int = 0
+    delivered: int = 0
+    dropped: dict[str, int] = field(default_factory=dict)
+    ended_by: str = "duration"
+    """`duration`, `stop rule`, or `all robots ended`."""
+
+
+@dataclass
+class Parts:
+    """What an engine puts together. One instance makes one run."""
+
+    robots: Sequence[str]
+    fleet: Fleet
+    world: World
+    airwaves: Airwaves
+    eyes: Eyes | None
+    lamps: Lamps
+    clocks: Sequence[LocalClock] | None
+    """None: all robots' clocks are exact."""
+    recorder: Recorder
+    duration_ns: int
+    stop: StopRule | None
+    scene_rate_hz: float
+    watch: Stopwatch = field(default_factory=Stopwatch)
+
+
+class Engine:
+    """Runs one scenario to its end."""
+
+    def __init__(self, parts: Parts, before_instant: Callable[[int], None] = lambda _now: None) -> None:
+        """`before_instant(now_ns)` is called ahead of every instant: pacing and progress live there."""
+        count = len(parts.robots)
+        self.progress = Progress()
+        self._parts = parts
+        self._before_instant = before_instant
+        self._heap: list[tuple[int, int, int]] = []
+        self._due: list[int | None] = [None] * count
+        self._awaits = [0] * count
+        self._numbers = [0] * count
+        self._running = set(range(count))
+        self._fulfilled: set[int] = set()
+        self._messages = Mail(count)
+        self._frames = Mail(count)
+        self._poses_sent: list[Poses | None] = [None] * count
+        self._later: list[tuple[Callable[..., None], tuple[Any, ...]]] = []
+        self._scenes = 0
+
+    def run(self) -> Progress:
+        """Run to the end. Raises RobotFailure; whatever happens, all that was applied is recorded."""
+        parts = self._parts
+        try:
+            self._begin()
+            self._loop()
+        finally:
+            self._write_backlog()
+        self._count(parts.airwaves)
+        return self.progress
+
+    # --- the event queue -------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        for robot in range(len(self._parts.robots)):
+            self._wake(robot, 0)
+        if self._parts.eyes is not None:
+            heappush(self._heap, (self._parts.eyes.exposure_ns(0), Event.EXPOSURE, 0))
+        heappush(self._heap, (0, Event.SCENE, 0))
+
+    def _loop(self) -> None:
+        heap, duration = self._heap, self._parts.duration_ns
+        while heap and heap[0][0] <= duration and self._running:
+            now = heap[0][0]
+            self._before_instant(now)
+            self.progress.now_ns = now
+            self._instant(now)
+            if self._is_over():
+                return
+        if self._running:
+            self.progress.now_ns = duration
+            self._before_instant(duration)
+        else:
+            self.progress.ended_by = "all robots ended"
+
+    def _is_over(self) -> bool:
+        if self._parts.stop is None or not self._running or not self._running <= self._fulfilled:
+            return False
+        self.progress.ended_by = "stop rule"
+        return True
+
+    def _instant(self, now: int) -> None:
+        heap = self._heap
+        due: list[int] = []
+        starting = exposing = scene = False
+        while heap and heap[0][0] == now:
+            _, kind, which = heappop(heap)
+            if kind == Event.WAKE:
+                if self._due[which] == now:
+                    self._due[which] = None
+                    due.append(which)
+            elif kind == Event.TRANSMISSION:
+                starting |= self._parts.airwaves.begin(now, which, self._schedule_transmission)
+            elif kind == Event.EXPOSURE:
+                exposing = True
+            else:
+                scene = True
+        if starting:
+            self._transmit(now)
+        if exposing:
+            self._expose(now)
+        if scene:
+            self._draw_scene(now)
+        if due:
+            self._activate(now, sorted(due))
+
+    def _wake(self, robot: int, at_ns: int) -> None:
+        """Make a robot due at `at_ns`, unless it is due earlier anyway."""
+        due = self._due[robot]
+        if due is None or at_ns < due:
+            self._due[robot] = at_ns
+            heappush(self._heap, (at_ns, Event.WAKE, robot))
+
+    def _schedule_transmission(self, at_ns: int, ticket: int) -> None:
+        heappush(self._heap, (at_ns, Event.TRANSMISSION, ticket))
+
+    # --- robots ----------------------------------------------------------------------------------
+
+    def _activate(self, now: int, due: list[int]) -> None:
+        parts = self._parts
+        poses = parts.world.poses(now)
+        grants = [(robot, self._grant(robot, now, poses)) for robot in due]
+        with parts.watch.section("exchange"):  # includes the recording below
+            reports = parts.fleet.exchange(grants, self._write_backlog)
+        self._record_refused(now)
+        self.progress.activations += len(due)
+        for robot, report in zip(due, reports, strict=True):
+            self._apply(robot, now, report)
+        self._transmit(now)
+
+    def _grant(self, robot: int, now: int, poses: Poses) -> bytes:
+        self._numbers[robot] += 1
+        pose = None
+        if self._poses_sent[robot] is not poses:  # the world hands out the same array while all stands
+            self._poses_sent[robot] = poses
+            pose = tuple(poses[robot].tolist())
+        clocks = self._parts.clocks
+        return encode(
+            RawGrant(
+                self._numbers[robot],
+                now if clocks is None else clocks[robot].local(now),
+                self._messages.take(robot, now),
+                self._frames.take(robot, now),
+                pose,
+            )
+        )
+
+    def _apply(self, robot: int, now: int, report: Report) -> None:
+        clock = None if self._parts.clocks is None else self._parts.clocks[robot]
+        for transmission in report.transmissions:
+            start = transmission.start_ns if clock is None else clock.true(transmission.start_ns)
+            self._parts.airwaves.submit(
+                robot, start, transmission.payload, transmission.refused, now, self._schedule_transmission
+            )
+        for command in report.lamp:
+            at = command.at_ns if clock is None else clock.true(command.at_ns)
+            self._parts.lamps.command(robot, now, at, command.colour)
+        for motion in report.motion:
+            self._move(robot, now, motion)
+        for entry in report.entries:
+            self._take_entry(robot, now, entry)
+        self._awaits[robot] = report.awaits
+        if report.ended is not None:
+            self._end(robot, now, report.ended)
+        else:
+            self._arrange_wake(robot, now, report, clock)
+
+    def _arrange_wake(self, robot: int, now: int, report: Report, clock: LocalClock | None) -> None:
+        if report.wake_ns is not None:
+            at = report.wake_ns if clock is None else clock.true(report.wake_ns)
+            self._wake(robot, max(at, now + 1))
+        if report.awaits & AWAITS_RADIO:
+            self._wake_at_arrival(robot, self._messages.next_arrival(robot))
+        if report.awaits & AWAITS_CAMERA:
+            self._wake_at_arrival(robot, self._frames.next_arrival(robot))
+
+    def _wake_at_arrival(self, robot: int, arrival_ns: int | None) -> None:
+        if arrival_ns is not None:
+            self._wake(robot, arrival_ns)
+
+    def _move(self, robot: int, now: int, command: MotionCommand) -> None:
+        name = self._parts.robots[robot]
+        try:
+            self._parts.world.command(robot, now, command)
+        except ValueError as error:
+            raise RobotFailure(name, f"gave a motion command that cannot be followed: {error}") from None
+        record = {
+            "kind": "motion",
+            "robot": name,
+            "velocity_mps": command.velocity_mps,
+            "towards_m": command.towards_m,
+            "speed_mps": command.speed_mps,
+        }
+        self._record(self._parts.recorder.truth, now, record)
+
+    def _take_entry(self, robot: int, now: int, entry: LogEntry) -> None:
+        self._record(self._parts.recorder.entry, now, robot, entry.name, entry.data)
+        stop = self._parts.stop
+        if stop is not None and entry.name == stop.entry and entry.data.get(stop.field) is True:
+            self._fulfilled.add(robot)
+
+    def _end(self, robot: int, now: int, why: str) -> None:
+        name = self._parts.robots[robot]
+        if why:
+            self._record(self._parts.recorder.fault, now, {"kind": "raised", "robot": name, "error": why})
+            raise RobotFailure(name, f"failed: {why}")
+        self._running.discard(robot)
+        self._due[robot] = None
+        self._parts.airwaves.switch_off(robot)
+        self._record(self._parts.recorder.note, now, "info", name, "behaviour returned")
+
+    # --- media -----------------------------------------------------------------------------------
+
+    def _transmit(self, now: int) -> None:
+        """Decide the fates of what starts now, post what is delivered, record all of it."""
+        airwaves = self._parts.airwaves
+        batch = airwaves.take_batch()
+        if batch is None:
+            return
+        fates = airwaves.decide(now, batch, self._parts.world.positions(now))
+        self._record(self._parts.recorder.radio_batch, now, *batch.for_record(), fates.reason, fates.delay_ns)
+        clocks, awaits = self._parts.clocks, self._awaits
+        for row, receivers, arrivals in airwaves.deliveries(now, fates):
+            encoded: dict[int, Raw] = {}
+            for receiver, arrival in zip(receivers, arrivals, strict=True):
+                reads = arrival if clocks is None else clocks[receiver].local(arrival)
+                raw = encoded.get(reads)
+                if raw is None:
+                    raw = encoded[reads] = batch.message(row, reads)
+                self._messages.post(receiver, arrival, raw)
+                if awaits[receiver] & AWAITS_RADIO:
+                    self._wake(receiver, arrival)
+
+    def _expose(self, now: int) -> None:
+        eyes = self._parts.eyes
+        assert eyes is not None
+        heappush(self._heap, (eyes.next_exposure_ns(), Event.EXPOSURE, 0))
+        lamps = self._parts.lamps.colours(now).copy()
+        capture = eyes.expose(now, self._parts.world.poses(now), lamps, sorted(self._running))
+        if capture.entered or capture.left:
+            self._record(self._parts.recorder.truth, now, eyes.identities(capture))
+        self._record(self._parts.recorder.camera, now, capture)
+        available = now + eyes.latency_ns
+        for robot, frame in eyes.frames(now, capture, self._parts.clocks):
+            self._frames.post(robot, available, frame)
+            if self._awaits[robot] & AWAITS_CAMERA:
+                self._wake(robot, available)
+
+    def _draw_scene(self, now: int) -> None:
+        self._scenes += 1
+        heappush(self._heap, (to_ns(self._scenes / self._parts.scene_rate_hz), Event.SCENE, 0))
+        poses = self._parts.world.poses(now)
+        self._record(self._parts.recorder.scene, now, poses, self._parts.lamps.colours(now).copy())
+
+    # --- the log ---------------------------------------------------------------------------------
+
+    def _record(self, write: Callable[..., None], *what: Any) -> None:
+        """Have something written while the robots compute; nothing in `what` may change afterwards."""
+        self._later.append((write, what))
+
+    def _write_backlog(self) -> None:
+        backlog, self._later = self._later, []
+        with self._parts.watch.section("recording"):
+            for write, what in backlog:
+                write(*what)
+
+    def _record_refused(self, now: int) -> None:
+        refused = self._parts.fleet.refused
+        for robot, why in refused:
+            record = {"kind": "refused message", "robot": self._parts.robots[robot], "error": why}
+            self._record(self._parts.recorder.fault, now, record)
+        refused.clear()
+
+    def _count(self, airwaves: Airwaves) -> None:
+        self.progress.sent, self.progress.delivered, self.progress.dropped = airwaves.totals()
+
+
+def seconds(now_ns: int) -> str:
+    """Virtual time for people: seconds to the microsecond."""
+    return f"{now_ns / NS_PER_S:.6f}".rstrip("0").rstrip(".")

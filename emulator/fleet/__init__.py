@@ -1,0 +1,40 @@
+"""The two ways to run robots. A fleet exchanges grants for reports, and does nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from channels.messages import Hello, Report
+
+
+class RobotFailure(Exception):
+    """A robot that can no longer take part: which one, why, and its last output."""
+
+    def __init__(self, robot: str, cause: str, output: Sequence[str] = ()) -> None:
+        super().__init__(f"robot {robot} {cause}")
+        self.robot = robot
+        self.cause = cause
+        self.output = list(output)
+
+
+class Fleet(Protocol):
+    """Robots that run until idle whenever they are granted time."""
+
+    def start(self, hellos: Sequence[Hello]) -> None:
+        """Bring all robots up; returns when each has its behaviour. Raises RobotFailure."""
+
+    def exchange(
+        self, grants: Sequence[tuple[int, bytes]], meanwhile: Callable[[], None]
+    ) -> list[Report]:
+        """Send (robot index, grant) each, call `meanwhile` once, return the reports in that order.
+
+        Raises RobotFailure for the first robot, in robot order, that fails to answer.
+        """
+
+    @property
+    def refused(self) -> list[tuple[int, str]]:
+        """Messages that were no reports, as (robot index, why), since this was last emptied."""
+
+    def close(self) -> None:
+        """End every robot. Safe to call at any time and again."""

@@ -1,0 +1,114 @@
+"""All robots in this process, each on its own granted loop: no sockets, one thread.
+
+For Monte Carlo, for a debugger, and as the oracle that the sockets change nothing. What is emulated
+is the same; what is not is isolation: robots share modules, so a behaviour that keeps state in
+globals shares it too.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+
+from agent.host import RobotHost
+from agent.loading import BehaviourError, load_behaviour
+from channels.messages import Hello, MessageError, Report, decode_report
+from emulator.fleet import RobotFailure
+
+
+class _TookTooLong(KeyboardInterrupt):
+    """Raised inside a behaviour that never gives control back; asyncio lets only this kind through."""
+
+
+class InProcessFleet:
+    """See emulator.fleet.Fleet."""
+
+    def __init__(self, folder: Path | None, answer_timeout_s: float) -> None:
+        self._folder = folder
+        self._hosts: list[RobotHost] = []
+        self._robots: list[str] = []
+        self._watchdog = _Watchdog(answer_timeout_s)
+        self._timeout_s = answer_timeout_s
+        self.refused: list[tuple[int, str]] = []
+
+    def start(self, hellos: Sequence[Hello]) -> None:
+        """Load every behaviour and give it a robot."""
+        for hello in hellos:
+            try:
+                behaviour = load_behaviour(hello.behaviour, self._folder)
+            except BehaviourError as error:
+                raise RobotFailure(hello.robot, f"cannot start: {error}") from None
+            self._hosts.append(RobotHost(hello, behaviour))
+            self._robots.append(hello.robot)
+        self._watchdog.start()
+
+    def exchange(
+        self, grants: Sequence[tuple[int, bytes]], meanwhile: Callable[[], None]
+    ) -> list[Report]:
+        """One robot after the other; the first that fails ends it."""
+        reports = [self._ask(robot, grant) for robot, grant in grants]
+        meanwhile()
+        return reports
+
+    def _ask(self, robot: int, grant: bytes) -> Report:
+        self._watchdog.since = time.monotonic()
+        try:
+            raw = self._hosts[robot].exchange(grant)
+        except _TookTooLong:
+            cause = f"did not answer within {self._timeout_s:g} s; does it loop without awaiting?"
+            raise RobotFailure(self._robots[robot], cause) from None
+        except SystemExit as error:
+            raise RobotFailure(self._robots[robot], f"exited with code {error.code or 0}") from None
+        finally:
+            self._watchdog.since = None
+        if raw is None:
+            raise ValueError("the end of a run is not something to exchange")
+        try:
+            return decode_report(raw)
+        except MessageError as error:
+            raise RobotFailure(self._robots[robot], f"sent a malformed report: {error}") from None
+
+    def close(self) -> None:
+        """Cancel every behaviour and close its loop."""
+        self._watchdog.stop()
+        for host in self._hosts:
+            host.close()
+        self._hosts.clear()
+
+
+class _Watchdog:
+    """Interrupts the main thread when one answer takes too long. Idle outside the main thread."""
+
+    def __init__(self, timeout_s: float) -> None:
+        self.since: float | None = None
+        self._timeout_s = timeout_s
+        self._stopped = threading.Event()
+        self._previous: signal.Handlers | Callable[[int, FrameType | None], object] | int | None = None
+        self._armed = False
+
+    def start(self) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+        self._previous = signal.signal(signal.SIGALRM, self._interrupt)
+        self._armed = True
+        threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
+
+    def stop(self) -> None:
+        self._stopped.set()
+        if self._armed:
+            signal.signal(signal.SIGALRM, self._previous)
+            self._armed = False
+
+    def _interrupt(self, _signum: int, _frame: FrameType | None) -> None:
+        if self.since is not None:
+            raise _TookTooLong
+
+    def _watch(self) -> None:
+        while not self._stopped.wait(min(1.0, self._timeout_s / 4)):
+            since = self.since
+            if since is not None and time.monotonic() - since > self._timeout_s:
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGALRM)

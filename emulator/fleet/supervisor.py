@@ -1,0 +1,190 @@
+"""The broker's hold on its robot processes: start them, hear of their end, end them.
+
+A thread listens to the zygote; what it learns it hands to a callback, so that the main thread can
+wait on one queue for reports and bad news alike.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import socket
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TextIO
+
+from agent.zygote import (
+    MAX_CONTROL_BYTES,
+    Exited,
+    Finish,
+    FromZygote,
+    Output,
+    Prepare,
+    Prepared,
+    Spawn,
+    Spawned,
+    ToZygote,
+    decode_from_zygote,
+    encode,
+)
+from emulator.errors import UserError
+
+KEPT_LINES = 20
+"""How much of a robot's output is kept for the story of its end."""
+CLOSE_TIMEOUT_S = 5.0
+ROBOTS_PER_REQUEST = 1000
+
+
+class Supervisor:
+    """Owns the zygote, and through it every robot process of one run."""
+
+    def __init__(self, socket_folder: Path, echo: TextIO | None) -> None:
+        """`echo`: where the robots' output goes, line by line with the robot's name; None: nowhere."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._control = ours
+        self._echo = echo
+        self._lines: dict[str, deque[str]] = {}
+        self._partial: dict[str, bytes] = {}
+        self._exited: dict[str, int] = {}
+        self._answers: deque[Prepared | Spawned | None] = deque()
+        self._answered = threading.Semaphore(0)
+        self._on_exit: Callable[[str], None] | None = None
+        self._closing = False
+        _raise_file_limit()
+        with theirs:
+            # A session of its own: Ctrl-C reaches the broker alone, which then ends the run.
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "agent.zygote", str(socket_folder)],
+                stdin=theirs.fileno(),
+                stdout=sys.stderr.fileno() if _has_descriptor(sys.stderr) else subprocess.DEVNULL,
+                start_new_session=True,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": _import_path()},
+            )
+        self._thread = threading.Thread(target=self._listen, name="supervisor", daemon=True)
+        self._thread.start()
+
+    def prepare(self, behaviours: Sequence[str], folder: Path | None) -> None:
+        """Import the behaviours in the zygote. Raises UserError where one cannot be used."""
+        self._send(Prepare(list(behaviours), str(folder) if folder is not None else None))
+        answer = self._await_answer()
+        if isinstance(answer, Prepared) and answer.error is not None:
+            raise UserError(f"behaviour: {answer.error}; mend it, or name another one in the scenario")
+
+    def spawn(
+        self, endpoint: str, run: str, robots: Sequence[tuple[str, str]], on_exit: Callable[[str], None]
+    ) -> list[int]:
+        """Fork robot processes given as (name, password); their process ids.
+
+        `on_exit(robot)` is called from the listening thread when one ends, or with "" when the
+        zygote itself does.
+        """
+        self._on_exit = on_exit
+        self._send(Spawn(endpoint, run, list(robots)))
+        answer = self._await_answer()
+        return answer.pids if isinstance(answer, Spawned) else []
+
+    def cause_of_end(self, robot: str) -> str:
+        """How a robot process ended, in words."""
+        code = self._exited.get(robot)
+        if code is None:
+            return "was lost: the process that starts the robots is gone"
+        if code < 0:
+            return f"was killed by signal {-code}"
+        return f"exited with code {code}"
+
+    def has_exited(self, robot: str) -> bool:
+        """Whether this robot's process is known to be gone."""
+        return robot in self._exited or self._process.poll() is not None
+
+    def last_output(self, robot: str) -> list[str]:
+        """The last lines a robot wrote."""
+        lines = list(self._lines.get(robot, ()))
+        rest = self._partial.get(robot)
+        return [*lines, rest.decode(errors="replace")] if rest else lines
+
+    def close(self) -> None:
+        """End all robot processes and the zygote. Safe to call again."""
+        if self._closing:
+            return
+        self._closing = True
+        with contextlib.suppress(OSError):
+            self._control.send(encode(Finish()))
+        try:
+            self._process.wait(CLOSE_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()  # its robots die with it
+            self._process.wait()
+        self._thread.join(CLOSE_TIMEOUT_S)
+        self._control.close()
+
+    def _send(self, request: ToZygote) -> None:
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self._control.send(encode(request))
+
+    def _await_answer(self) -> Prepared | Spawned:
+        self._answered.acquire()
+        answer = self._answers.popleft()
+        if answer is None:
+            raise UserError("the process that starts the robots ended by itself; its message stands above")
+        return answer
+
+    def _listen(self) -> None:
+        while True:
+            try:
+                raw = self._control.recv(MAX_CONTROL_BYTES)
+            except OSError:
+                raw = b""
+            if not raw:
+                break
+            self._take(decode_from_zygote(raw))
+        self._answers.append(None)
+        self._answered.release()
+        if self._on_exit is not None and not self._closing:
+            self._on_exit("")
+
+    def _take(self, message: FromZygote) -> None:
+        match message:
+            case Prepared() | Spawned():
+                self._answers.append(message)
+                self._answered.release()
+            case Output(robot, text):
+                self._take_output(robot, text)
+            case Exited(robot, code):
+                self._exited[robot] = code
+                if self._on_exit is not None and not self._closing:
+                    self._on_exit(robot)
+
+    def _take_output(self, robot: str, text: bytes) -> None:
+        *whole, rest = (self._partial.get(robot, b"") + text).split(b"\n")
+        self._partial[robot] = rest[-4096:]
+        kept = self._lines.setdefault(robot, deque(maxlen=KEPT_LINES))
+        for raw in whole:
+            line = raw.decode(errors="replace")
+            kept.append(line)
+            if self._echo is not None:
+                self._echo.write(f"{robot} | {line}\n")
+
+
+def _has_descriptor(stream: TextIO) -> bool:
+    try:
+        stream.fileno()
+    except (OSError, ValueError, AttributeError):
+        return False
+    return True
+
+
+def _import_path() -> str:
+    """The zygote finds what we find, wherever it is started from."""
+    return os.pathsep.join(path or os.getcwd() for path in sys.path)
+
+
+def _raise_file_limit() -> None:
+    """A few descriptors per robot: take what the system allows without asking."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))

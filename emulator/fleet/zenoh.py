@@ -1,0 +1,261 @@
+"""One process per robot, over real sockets: the broker hosts the Zenoh router they connect to.
+
+The main thread puts all grants of an instant, then drains reports from one channel. Bad news comes
+through the same channel: the supervising thread publishes it on a key no robot may use.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TextIO
+
+import zenoh
+
+from agent.link.session import broker_config, channel, declare_publisher
+from channels.keys import from_all_robots, robot_of, to_broker, to_robot
+from channels.messages import (
+    END_OF_RUN,
+    PROTOCOL,
+    Grant,
+    Hello,
+    MessageError,
+    Report,
+    decode_ready,
+    decode_report,
+    encode,
+)
+from emulator.errors import UserError
+from emulator.fleet import RobotFailure
+from emulator.fleet.access import access_control
+from emulator.fleet.supervisor import Supervisor
+
+SUPERVISOR = "_supervisor"
+"""Stands for a robot on the key of bad news; no robot can be called so."""
+GONE = b"gone"
+OVERDUE = b"overdue"
+GOODBYE_S = 2.0
+"""How long robots get to end by themselves."""
+
+
+class ZenohFleet:
+    """See emulator.fleet.Fleet. Constructing it already starts the zygote, which takes a while."""
+
+    def __init__(
+        self,
+        behaviours: Sequence[str],
+        folder: Path | None,
+        answer_timeout_s: float,
+        listen: str | None = None,
+        echo: TextIO | None = sys.stderr,
+    ) -> None:
+        """`listen`: a Zenoh endpoint such as tcp/127.0.0.1:7447; None: a Unix socket of our own."""
+        self._socket_folder = Path(tempfile.mkdtemp(prefix="heliograph-"))
+        self._listen = listen
+        self._timeout_s = answer_timeout_s
+        self._session: zenoh.Session | None = None
+        self._robots: list[str] = []
+        self._index: dict[str, int] = {}
+        self._numbers: list[int] = []
+        self.pids: list[int] = []
+        self.refused: list[tuple[int, str]] = []
+        self._clock = _AnswerClock(answer_timeout_s, self._tell_overdue)
+        try:
+            self._supervisor = Supervisor(self._socket_folder, echo)
+        except BaseException:
+            shutil.rmtree(self._socket_folder, ignore_errors=True)
+            raise
+        try:
+            self._supervisor.prepare(behaviours, folder)
+        except BaseException:
+            self.close()
+            raise
+
+    def start(self, hellos: Sequence[Hello]) -> None:
+        """Open the router, fork the robots, shake hands with each."""
+        self._robots = [hello.robot for hello in hellos]
+        self._index = {robot: index for index, robot in enumerate(self._robots)}
+        self._numbers = [0] * len(hellos)
+        run = secrets.token_hex(4)
+        passwords = [(robot, secrets.token_urlsafe(16)) for robot in self._robots]
+        endpoint = self._listen or f"unixsock-stream/{self._socket_folder}/broker.sock"
+        session = self._open(endpoint, run, passwords)
+        # Declared before any robot knows the endpoint, so nothing a robot says can be lost.
+        self._reports = session.declare_subscriber(from_all_robots(run), channel())
+        self._bad_news = declare_publisher(session, to_broker(run, SUPERVISOR))
+        self._grants = [declare_publisher(session, to_robot(run, robot)) for robot in self._robots]
+        self.pids = self._supervisor.spawn(endpoint, run, passwords, self._tell_gone)
+        everyone = range(len(hellos))
+        self._clock.start()
+        with self._clock:
+            self._gather(everyone, self._take_ready)
+        for publisher, hello in zip(self._grants, hellos, strict=True):
+            publisher.put(encode(hello))
+        with self._clock:
+            answers = self._gather(everyone, self._take_report)
+        for robot, report in answers.items():
+            if report is not None and report.ended:
+                raise RobotFailure(self._robots[robot], f"cannot start: {report.ended}")
+
+    def exchange(
+        self, grants: Sequence[tuple[int, bytes]], meanwhile: Callable[[], None]
+    ) -> list[Report]:
+        """Put all grants, then wait for as many reports."""
+        publishers, numbers = self._grants, self._numbers
+        with self._clock:
+            for robot, grant in grants:
+                numbers[robot] += 1
+                publishers[robot].put(grant)
+            meanwhile()
+            reports = self._gather([robot for robot, _ in grants], self._take_report)
+        return [reports[robot] for robot, _ in grants]  # type: ignore[misc]
+
+    def close(self) -> None:
+        """Say goodbye, give the robots a moment, end those that stay, remove the socket."""
+        self._clock.stop()
+        if self._session is not None:
+            self._say_goodbye()
+        self._supervisor.close()
+        if self._session is not None:
+            self._session.close()
+            self._session = None
+        shutil.rmtree(self._socket_folder, ignore_errors=True)
+
+    def _say_goodbye(self) -> None:
+        farewell = encode(Grant(END_OF_RUN, 0))
+        for publisher in self._grants:
+            publisher.put(farewell)
+        deadline = time.monotonic() + GOODBYE_S
+        while time.monotonic() < deadline:
+            if all(map(self._supervisor.has_exited, self._robots)):
+                return
+            time.sleep(0.005)
+
+    def _open(self, endpoint: str, run: str, passwords: Sequence[tuple[str, str]]) -> zenoh.Session:
+        own_password = secrets.token_urlsafe(16)
+        # The router wants passwords as a file: give it one that has no name and never meets a disk.
+        descriptor = os.memfd_create("passwords")
+        try:
+            lines = [f"_broker:{own_password}", *(f"{robot}:{word}" for robot, word in passwords)]
+            os.write(descriptor, ("\n".join(lines) + "\n").encode())
+            rules = access_control(run, self._robots)
+            path = f"/proc/self/fd/{descriptor}"
+            self._session = zenoh.open(broker_config(endpoint, own_password, path, rules))
+        except zenoh.ZError as error:
+            raise UserError(
+                f"--listen: cannot listen at {endpoint} ({_first_sentence(error)}); "
+                "choose another endpoint, or leave it out to use a Unix socket"
+            ) from None
+        finally:
+            os.close(descriptor)
+        return self._session
+
+    def _gather(
+        self, robots: Sequence[int], take: Callable[[int, bytes], Report | None]
+    ) -> dict[int, Report | None]:
+        """One message of each robot, whatever the order they come in."""
+        awaited = set(robots)
+        answers: dict[int, Report | None] = {}
+        receive, try_receive = self._reports.recv, self._reports.try_recv
+        index = self._index
+        while awaited:
+            sample = receive()
+            while sample is not None:
+                robot = index.get(robot_of(str(sample.key_expr)))
+                raw = sample.payload.to_bytes()
+                if robot is None:
+                    self._hear_bad_news(raw, awaited)
+                elif robot in awaited:
+                    try:
+                        answers[robot] = take(robot, raw)
+                        awaited.discard(robot)
+                    except MessageError as error:
+                        self.refused.append((robot, str(error)))
+                else:
+                    self.refused.append((robot, "a message nobody had asked for"))
+                if not awaited:
+                    break
+                sample = try_receive()
+        return answers
+
+    def _take_ready(self, _robot: int, raw: bytes) -> None:
+        ready = decode_ready(raw)
+        if ready.protocol != PROTOCOL:
+            raise MessageError(f"speaks protocol {ready.protocol}, this broker {PROTOCOL}")
+
+    def _take_report(self, robot: int, raw: bytes) -> Report:
+        report = decode_report(raw)
+        if report.number != self._numbers[robot]:
+            raise MessageError(f"answers grant {report.number} instead of {self._numbers[robot]}")
+        return report
+
+    def _hear_bad_news(self, news: bytes, awaited: set[int]) -> None:
+        """Raise RobotFailure where the news concerns somebody we wait for."""
+        for robot in sorted(awaited):
+            name = self._robots[robot]
+            if self._supervisor.has_exited(name):
+                self._fail(robot, self._supervisor.cause_of_end(name))
+        if news == OVERDUE and self._clock.overdue():
+            self._fail(min(awaited), self._why_overdue(min(awaited)))
+
+    def _why_overdue(self, robot: int) -> str:
+        refused = [why for who, why in self.refused if who == robot]
+        cause = f"did not answer within {self._timeout_s:g} s"
+        if refused:
+            return f"{cause}; {len(refused)} malformed messages were refused, the last: {refused[-1]}"
+        return f"{cause}; does it loop without awaiting? (limits.answer_timeout_s sets the deadline)"
+
+    def _fail(self, robot: int, cause: str) -> None:
+        name = self._robots[robot]
+        raise RobotFailure(name, cause, self._supervisor.last_output(name))
+
+    def _tell_gone(self, _robot: str) -> None:
+        with contextlib.suppress(zenoh.ZError):
+            self._bad_news.put(GONE)
+
+    def _tell_overdue(self) -> None:
+        with contextlib.suppress(zenoh.ZError):
+            self._bad_news.put(OVERDUE)
+
+
+class _AnswerClock:
+    """Watches, by the wall clock, that answers do not take for ever. `with` it while waiting."""
+
+    def __init__(self, timeout_s: float, tell: Callable[[], None]) -> None:
+        self._timeout_s = timeout_s
+        self._tell = tell
+        self._since: float | None = None
+        self._stopped = threading.Event()
+
+    def start(self) -> None:
+        threading.Thread(target=self._watch, name="answer clock", daemon=True).start()
+
+    def stop(self) -> None:
+        self._stopped.set()
+
+    def overdue(self) -> bool:
+        since = self._since
+        return since is not None and time.monotonic() - since > self._timeout_s
+
+    def __enter__(self) -> None:
+        self._since = time.monotonic()
+
+    def __exit__(self, *_: object) -> None:
+        self._since = None
+
+    def _watch(self) -> None:
+        while not self._stopped.wait(min(1.0, self._timeout_s / 4)):
+            if self.overdue():
+                self._tell()
+
+
+def _first_sentence(error: Exception) -> str:
+    return str(error).split("at ", 1)[0].strip().rstrip(".") or type(error).__name__

@@ -1,0 +1,337 @@
+"""Writes what happens in a run into one MCAP file.
+
+The same calls give the same bytes: no wall clock, no names of machines, and the file is flushed by
+virtual time and by size alone. Log times never decrease, publish time equals log time, and sequence
+numbers count the records of all topics from 0, which puts them in one total order.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from numpy.typing import NDArray
+
+from channels.fates import Reason
+from channels.units import NS_PER_S
+from channels.visual import Capture
+from logs import RESULT_METADATA, RUN_METADATA, Attachment, LogError, sha256_of
+from logs import schemas as topic
+from logs.encoding import encode_camera, encode_record, encode_transmission
+from logs.mcap_writer import FileSink, McapWriter, Output
+from logs.scene import SceneEncoder
+
+__all__ = ["Attachment", "LogError", "Recorder", "open_log", "sha256_of"]
+
+FLUSH_NS = NS_PER_S
+"""At most this much virtual time is lost when the process is killed."""
+REPEAT_NS = 10 * NS_PER_S
+"""How often what never changes is drawn again, for viewers that enter in the middle."""
+
+_LEVELS = {
+    "debug": Log.DEBUG,
+    "info": Log.INFO,
+    "warning": Log.WARNING,
+    "error": Log.ERROR,
+    "fatal": Log.FATAL,
+}
+_CHANNEL = {entry.name: number for number, entry in enumerate(topic.TOPICS, start=1)}
+_RADIO = _CHANNEL[topic.RADIO]
+_CAMERA = _CHANNEL[topic.CAMERA]
+_ROBOT = _CHANNEL[topic.ROBOT]
+
+_IS_LOSS = np.isin(np.arange(256), list(topic.LOSSES))
+
+
+def open_log(path: Path, *, force: bool) -> Output:
+    """A new, unbuffered file; its directory is made. Raises LogError where that is not possible."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = f"{path.parent} is no directory and cannot be made one ({error.strerror})"
+        raise LogError(f"cannot write {path}: {reason}; choose another --out") from None
+    try:
+        return path.open("wb" if force else "xb", buffering=0)
+    except FileExistsError:
+        raise LogError(f"{path} exists; choose another --out or add --force") from None
+    except OSError as error:
+        raise LogError(f"cannot write {path}: {error.strerror}; choose another --out") from None
+
+
+class Recorder:
+    """One run's log. Robots are indexed in the order of `robots`; instants are virtual, in integer ns.
+
+    Every recording method raises ValueError when time goes back or the log is closed, and LogError once,
+    when the file can no longer be written; from then on the calls do nothing, and the file stays readable up
+    to its last whole chunk. As a context manager it aborts where it was not finished.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        robots: Sequence[str],
+        *,
+        force: bool = False,
+        run: Mapping[str, str] | None = None,
+        attachments: Sequence[Attachment] = (),
+        arena_m: tuple[float, float] = (10.0, 10.0),
+    ) -> None:
+        """Create the file and write what is known at the start: `run`, all schemas, the attachments.
+
+        `force` replaces an existing file; `arena_m` scales the drawn robots. Raises LogError when the file
+        exists or cannot be written, TypeError when `run` holds anything but text.
+        """
+        _check_texts(run or {})
+        self.path = path
+        self._robots = list(robots)
+        self._robot_array = np.array(self._robots, dtype=object)
+        self._scene = SceneEncoder(self._robots, arena_m)
+        self._links = np.zeros((len(self._robots), len(self._robots)), dtype=bool)
+        self._repeat_at_ns = 0
+        self._now_ns = 0
+        self._flush_at_ns = 0
+        self._sequence = 0
+        self._closed = False
+        self._failed = False
+        self._writer = McapWriter(FileSink(open_log(path, force=force)))
+        try:
+            self._begin(run or {}, attachments)
+        except OSError as error:
+            if not force:
+                path.unlink(missing_ok=True)
+            self._fail(error)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.abort()
+
+    def radio(
+        self,
+        now_ns: int,
+        sender: int,
+        seq: int,
+        payload: bytes,
+        bits: int,
+        slot: int | None,
+        airtime_ns: int,
+        reason: NDArray[np.uint8],
+        delay_ns: NDArray[np.int64],
+    ) -> None:
+        """Record one transmission; `reason` and `delay_ns` (N,) as in `radio_batch`."""
+        self.radio_batch(
+            now_ns, [sender], [seq], [payload], [bits], [slot], [airtime_ns], reason[None], delay_ns[None]
+        )
+
+    def radio_batch(
+        self,
+        now_ns: int,
+        senders: Sequence[int] | NDArray[np.integer[Any]],
+        seqs: Sequence[int] | NDArray[np.integer[Any]],
+        payloads: Sequence[bytes],
+        bits: Sequence[int] | NDArray[np.integer[Any]],
+        slots: Sequence[int | None],
+        airtimes_ns: Sequence[int] | NDArray[np.integer[Any]],
+        reasons: NDArray[np.uint8],
+        delays_ns: NDArray[np.int64],
+    ) -> None:
+        """Record the T transmissions that start now, on /radio.
+
+        `senders` are robot indices; `reasons` (T, N) codes of `Reason`, of which `out_of_range` and the
+        sender itself are left out; `delays_ns` (T, N) from start to reception, read where delivered.
+        """
+        if not self._ready(now_ns):
+            return
+        heard = reasons == Reason.delivered
+        rows, columns = heard.nonzero()
+        self._links[np.asarray(senders)[rows], columns] = True
+        receivers = self._robot_array[columns].tolist()
+        delays = delays_ns[heard].tolist()
+        ends = np.cumsum(heard.sum(axis=1)).tolist()
+        dropped = self._dropped(reasons)
+        scalars = zip(
+            _plain(senders), _plain(seqs), payloads, _plain(bits), slots, _plain(airtimes_ns), ends, dropped,
+            strict=True,
+        )  # fmt: skip
+        start = 0
+        for sender, seq, payload, size, slot, airtime_ns, end, losses in scalars:
+            record = {
+                "from": self._robots[sender],
+                "seq": seq,
+                "payload": None,
+                "bits": size,
+                "slot": slot,
+                "airtime_ns": airtime_ns,
+                "delivered": receivers[start:end],
+                "delay_ns": delays[start:end],
+                "dropped": losses,
+            }
+            self._put(_RADIO, now_ns, encode_transmission(record, payload))
+            start = end
+
+    def camera(self, capture_ns: int, capture: Capture) -> None:
+        """Record the frames of one exposure as one message on /camera."""
+        if not self._ready(capture_ns):
+            return
+        self._put(_CAMERA, capture_ns, encode_camera(capture, self._robots))
+
+    def entry(self, now_ns: int, robot: int, name: str, data: Mapping[str, Any]) -> None:
+        """Record what a behaviour logs, on /robot.
+
+        Raises ValueError for data that JSON cannot carry: bytes, keys that are no text, NaN, infinity.
+        """
+        if not self._ready(now_ns):
+            return
+        record = {"robot": self._robots[robot], "entry": name, "data": data}
+        try:
+            encoded = encode_record(record)
+        except ValueError as error:
+            raise ValueError(f"log entry {name!r} of {self._robots[robot]}: {error}") from None
+        self._put(_ROBOT, now_ns, encoded)
+
+    def truth(self, now_ns: int, record: Mapping[str, Any]) -> None:
+        """Record what no robot is told, on /truth. Raises ValueError for what JSON cannot carry."""
+        self._record(topic.TRUTH, now_ns, record)
+
+    def fault(self, now_ns: int, record: Mapping[str, Any]) -> None:
+        """Record a fault, on /faults. Raises ValueError for what JSON cannot carry."""
+        self._record(topic.FAULTS, now_ns, record)
+
+    def note(self, now_ns: int, level: str, source: str, text: str) -> None:
+        """Record a line for people, on /log: debug, info, warning, error or fatal; from a robot or part."""
+        if level not in _LEVELS:
+            raise ValueError(f"no log level {level!r}; there are {', '.join(_LEVELS)}")
+        if not self._ready(now_ns):
+            return
+        line = Log(level=_LEVELS[level], name=source, message=text)
+        line.timestamp.seconds, line.timestamp.nanos = divmod(now_ns, NS_PER_S)
+        self._put(_CHANNEL[topic.LOG], now_ns, line.SerializeToString())
+
+    def scene(self, now_ns: int, poses: NDArray[np.float64], lamps: NDArray[np.uint8]) -> None:
+        """Record how things look now, with a line for every delivery since the last call.
+
+        `poses` (N, 3): x, y [m], heading [rad]; `lamps` (N,): colour numbers, 0: dark.
+        """
+        if not self._ready(now_ns):
+            return
+        scene = self._scene
+        if now_ns >= self._repeat_at_ns:
+            self._repeat_at_ns = now_ns + REPEAT_NS
+            self._put(_CHANNEL[topic.ROBOTS], now_ns, scene.bodies(now_ns))
+            self._put(_CHANNEL[topic.LABELS], now_ns, scene.labels(now_ns))
+        self._put(_CHANNEL[topic.TF], now_ns, scene.transforms(now_ns, poses))
+        self._put(_CHANNEL[topic.LIGHTS], now_ns, scene.lights(now_ns, poses, lamps))
+        self._put(_CHANNEL[topic.LINKS], now_ns, scene.links(now_ns, poses, self._links))
+        self._links[:] = False
+
+    def finish(self, result: Mapping[str, str]) -> None:
+        """Write how the run ended, with count and digest of every topic, and close. Idempotent.
+
+        The digest of a topic is SHA-256 over (log time as 8 bytes little-endian, data) of its records.
+        """
+        _check_texts(result)
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._writer.flush()
+            self._writer.add_metadata(RESULT_METADATA, {**result, **self._digests()})
+            self._writer.finish()
+            self._writer.close()
+        except OSError as error:
+            self._fail(error)
+
+    def abort(self) -> None:
+        """Close the file whole, but without a result: its absence marks an aborted run. Idempotent."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._writer.finish()
+            self._writer.close()
+        except OSError as error:
+            self._fail(error)
+
+    def _begin(self, run: Mapping[str, str], attachments: Sequence[Attachment]) -> None:
+        self._writer.start()
+        self._writer.add_metadata(RUN_METADATA, run)
+        for entry in topic.TOPICS:
+            schema = self._writer.register_schema(entry.schema_name, entry.schema_encoding, entry.schema)
+            self._writer.register_channel(entry.name, entry.encoding, schema, {})
+        for attachment in attachments:
+            self._writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
+
+    def _ready(self, now_ns: int) -> bool:
+        """Whether there is a file to write to; flushes what an earlier second has left."""
+        if self._failed:
+            return False
+        if self._closed:
+            raise ValueError(f"{self.path} is closed")
+        if now_ns < self._now_ns:
+            raise ValueError(f"log time goes back from {self._now_ns} ns to {now_ns} ns")
+        self._now_ns = now_ns
+        if now_ns >= self._flush_at_ns:
+            self._flush_at_ns = (now_ns // FLUSH_NS + 1) * FLUSH_NS
+            try:
+                self._writer.flush()
+            except OSError as error:
+                self._fail(error)
+        return True
+
+    def _put(self, channel: int, now_ns: int, data: bytes) -> None:
+        try:
+            self._writer.add_message(channel, now_ns, data, self._sequence)
+        except OSError as error:
+            self._fail(error)
+        self._sequence += 1
+
+    def _record(self, name: str, now_ns: int, record: Mapping[str, Any]) -> None:
+        if not self._ready(now_ns):
+            return
+        try:
+            encoded = encode_record(record)
+        except ValueError as error:
+            raise ValueError(f"record for {name}: {error}") from None
+        self._put(_CHANNEL[name], now_ns, encoded)
+
+    def _dropped(self, reasons: NDArray[np.uint8]) -> list[dict[str, list[str]]]:
+        """Per transmission the receivers that lost it, by reason."""
+        dropped: list[dict[str, list[str]]] = [{} for _ in range(len(reasons))]
+        rows, columns = _IS_LOSS[reasons].nonzero()
+        if len(rows):
+            codes = reasons[rows, columns].tolist()
+            receivers = self._robot_array[columns].tolist()
+            for row, code, receiver in zip(rows.tolist(), codes, receivers, strict=True):
+                dropped[row].setdefault(topic.LOSSES[code], []).append(receiver)
+        return dropped
+
+    def _digests(self) -> dict[str, str]:
+        digests = {}
+        for name, channel in _CHANNEL.items():
+            count, digest = self._writer.digest(channel)
+            digests[f"messages:{name}"] = str(count)
+            digests[f"sha256:{name}"] = digest
+        return digests
+
+    def _fail(self, error: OSError) -> NoReturn:
+        """Give the file up: what a full disk has cut off cannot be mended by writing more."""
+        self._failed = self._closed = True
+        with contextlib.suppress(OSError):
+            self._writer.close()
+        remedy = "free some space or choose another --out"
+        raise LogError(f"cannot write {self.path}: {error.strerror}; {remedy}") from None
+
+
+def _check_texts(texts: Mapping[str, str]) -> None:
+    for key, value in texts.items():
+        if not (isinstance(key, str) and isinstance(value, str)):
+            raise TypeError(f"metadata is text, but {key!r} is {value!r}")
+
+
+def _plain(values: Sequence[int] | NDArray[np.integer[Any]]) -> Sequence[int]:
+    return values.tolist() if isinstance(values, np.ndarray) else values

@@ -1,0 +1,1 @@
+"""Experiments that come with Heliograph: what to run, how to score it."""

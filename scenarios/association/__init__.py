@@ -1,0 +1,1 @@
+"""Channel association after Ivanov & Shell (2014, 2016)."""
