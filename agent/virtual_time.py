@@ -393,7 +393,9 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
             self._check_default_executor()
             executor = self._default_executor
             if executor is None:
-                executor = concurrent.futures.ThreadPoolExecutor(_DEFAULT_WORKERS, thread_name_prefix="asyncio")
+                executor = concurrent.futures.ThreadPoolExecutor(
+                    _DEFAULT_WORKERS, thread_name_prefix="asyncio"
+                )
                 self._default_executor = executor
         source = executor.submit(func, *args)
         future: asyncio.Future[_T] = self.create_future()

@@ -83,12 +83,11 @@ decode_from_zygote = msgpack.Decoder(FromZygote).decode
 _PR_SET_PDEATHSIG = 1
 
 
-def die_with_parent() -> None:
-    """Have the kernel kill this process when its parent ends, however it ends."""
-    parent = os.getppid()
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+def signal_at_death_of(parent: int, number: signal.Signals) -> None:
+    """Have the kernel signal this process when its parent ends, however it ends."""
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:  # it ended before the request took effect
-        os._exit(1)
+        os.kill(os.getpid(), number)
 
 
 class Zygote:
@@ -105,7 +104,9 @@ class Zygote:
         self._wakeup_write = wakeup_write
         for end in (self._wakeup, wakeup_write):
             end.setblocking(False)
+        self._broker = os.getppid()
         signal.signal(signal.SIGCHLD, lambda *_: None)
+        signal.signal(signal.SIGTERM, self._broker_may_be_gone)
         signal.set_wakeup_fd(wakeup_write.fileno(), warn_on_full_buffer=False)
         self._selector.register(control, selectors.EVENT_READ)
         self._selector.register(self._wakeup, selectors.EVENT_READ)
@@ -122,9 +123,8 @@ class Zygote:
         for key, _ in self._selector.select():
             if key.fileobj is self._control:
                 message = self._control.recv(MAX_CONTROL_BYTES)
-                if not message:  # the broker is gone without a word: clean up after it
-                    self._kill_all()
-                    shutil.rmtree(self._socket_folder, ignore_errors=True)
+                if not message:
+                    self._clean_up_after_broker()
                     return False
                 if not self._handle(decode_to_zygote(message)):
                     return False
@@ -135,6 +135,20 @@ class Zygote:
             else:
                 self._relay(key.fd)
         return True
+
+    def _broker_may_be_gone(self, *_: object) -> None:
+        """The kernel says so also when only the broker's *thread* that started us has ended.
+
+        An empty read says it as well, but not while a behaviour's import keeps us busy.
+        """
+        if os.getppid() != self._broker:
+            self._clean_up_after_broker()
+            os._exit(1)
+
+    def _clean_up_after_broker(self) -> None:
+        """It went without a word: end its robots, and remove what it would have removed."""
+        self._kill_all()
+        shutil.rmtree(self._socket_folder, ignore_errors=True)
 
     def _handle(self, request: ToZygote) -> bool:
         match request:
@@ -164,8 +178,11 @@ class Zygote:
 
     def _fork(self, request: Spawn, robot: str, password: str) -> int:
         read_end, write_end = os.pipe()
+        zygote = os.getpid()
         pid = os.fork()
         if pid == 0:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            signal_at_death_of(zygote, signal.SIGKILL)
             self._become_robot(request, robot, password, write_end)
         os.close(write_end)
         os.set_blocking(read_end, False)
@@ -177,7 +194,6 @@ class Zygote:
     def _become_robot(self, request: Spawn, robot: str, password: str, output: int) -> None:
         code = 1
         try:
-            die_with_parent()
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # the broker decides when a run ends
@@ -260,10 +276,11 @@ class Zygote:
 
 def main() -> None:
     """Entry point: `python -m agent.zygote SOCKET_FOLDER`, control socket on standard input."""
-    die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     control = socket.socket(fileno=os.dup(0))
-    Zygote(control, Path(sys.argv[1])).serve()
+    zygote = Zygote(control, Path(sys.argv[1]))
+    signal_at_death_of(os.getppid(), signal.SIGTERM)
+    zygote.serve()
 
 
 if __name__ == "__main__":

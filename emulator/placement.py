@@ -17,7 +17,7 @@ def heading_of(velocity_mps: Vector, *, otherwise: float) -> float:
     if velocity_mps == (0.0, 0.0):
         return otherwise
     # Adding zero turns -0.0 into 0.0, which atan2 would take to the other side of pi.
-    return quantised(math.atan2(velocity_mps[1] + 0.0, velocity_mps[0] + 0.0))
+    return quantised(math.atan2(velocity_mps[1] + 0.0, velocity_mps[0]))
 
 
 def along(heading_rad: float, speed_mps: float) -> Vector:

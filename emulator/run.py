@@ -210,13 +210,16 @@ def _run(
         ready = time.perf_counter()
         progress = engine.run()
     except RobotFailure as failure:
-        raise _failed(failure, engine.progress, options, recorder) from None
+        fleet.close()  # first: the robot's last words come with its end
+        raise _failed(failure, fleet, engine.progress, options, recorder) from None
     recorder.finish(_result(progress))
     wall_s = time.perf_counter() - ready
     return progress, _Timing(wall_s, ready - begun, pacer.overruns, dict(watch.seconds))
 
 
-def _failed(failure: RobotFailure, progress: Progress, options: Options, recorder: Recorder) -> RunFailed:
+def _failed(
+    failure: RobotFailure, fleet: Fleet, progress: Progress, options: Options, recorder: Recorder
+) -> RunFailed:
     now = progress.now_ns
     recorder.fault(now, {"kind": "robot failed", "robot": failure.robot, "error": failure.cause})
     recorder.note(now, "error", failure.robot, failure.cause)
@@ -225,7 +228,7 @@ def _failed(failure: RobotFailure, progress: Progress, options: Options, recorde
         f"robot {failure.robot} {failure.cause} (at {to_s(now):g} s; the log up to then is {options.out})",
         robot=failure.robot,
         cause=failure.cause,
-        output=failure.output,
+        output=fleet.last_output(failure.robot),
     )
 
 

@@ -69,11 +69,11 @@ def _check_spans(key: str, value: Any) -> None:
             _check_spans(f"{key}.{name}", inner)
     elif isinstance(value, float) and value > 0 and key.endswith("_s"):
         if value > MAX_TIME_NS / NS_PER_S:
-            raise InvalidError(key, f"must be at most {MAX_TIME_NS // NS_PER_S} s, is {value:g} s")
+            raise InvalidError(key, f"must be at most {MAX_TIME_NS // NS_PER_S} s, is {value:.12g} s")
         if to_ns(value) < 1:
-            raise InvalidError(key, f"must be at least 1e-09 s, in which time is counted, is {value:g} s")
+            raise InvalidError(key, f"must be at least 1e-09 s, in which time is counted, is {value:.12g} s")
     elif isinstance(value, float) and key.endswith("_hz") and not 1e-6 <= value <= 1e6:
-        raise InvalidError(key, f"must be from 1e-06 to 1e+06 Hz, is {value:g} Hz")
+        raise InvalidError(key, f"must be from 1e-06 to 1e+06 Hz, is {value:.12g} Hz")
 
 
 def _check_team(settings: Settings) -> None:
@@ -130,9 +130,7 @@ def _check_radio(radio: RadioSettings) -> None:
     if radio.access != "tdma":
         return
     if radio.tdma is None:
-        raise InvalidError(
-            "radio.tdma", 'access = "tdma" needs slots; add [radio.tdma] with slot_s'
-        )
+        raise InvalidError("radio.tdma", 'access = "tdma" needs slots; add [radio.tdma] with slot_s')
     if radio.bit_rate_bps is None:
         raise InvalidError(
             "radio.bit_rate_bps", 'access = "tdma" needs a bit rate, or messages would take no time; add one'
@@ -167,8 +165,8 @@ def _check_robot(settings: Settings, robot: RobotSettings) -> None:
         if not (0 <= x <= width and 0 <= y <= height):
             raise InvalidError(
                 f"{key}.position_m",
-                f"[{x:g}, {y:g}] lies outside the area, which reaches from [0, 0] to "
-                f"[{width:g}, {height:g}]; move the robot or enlarge the area",
+                f"[{x:.12g}, {y:.12g}] lies outside the area, which reaches from [0, 0] to "
+                f"[{width:.12g}, {height:.12g}]; move the robot or enlarge the area",
             )
     if robot.velocity_mps is not None:
         _check_velocity(settings, robot, key, robot.velocity_mps)

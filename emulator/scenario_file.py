@@ -168,7 +168,7 @@ def _parse(text: bytes, source: str) -> dict[str, Any]:
 
 
 def _syntax(message: str, text: str, source: str) -> str:
-    """tomllib's message with the line in front; it is given in brackets, or not at all."""
+    """The message of tomllib with the line in front, which it gives in brackets or not at all."""
     what, place, _ = message.partition(" (at ")
     found = re.search(r"\(at line (\d+), column (\d+)\)", message)
     where = f"line {found[1]}, column {found[2]}: " if found else ""

@@ -20,8 +20,6 @@ _STRICT = orjson.OPT_PASSTHROUGH_DATETIME | orjson.OPT_PASSTHROUGH_DATACLASS | o
 # A msgpack float that is infinite or no number starts like this; so may other bytes, hence "may".
 _MAY_BE_NON_FINITE = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]|\xca[\x7f\xff][\x80-\xff]").search
 
-_FINITE = {str, int, bool, type(None)}
-
 
 def encode_record(record: Mapping[str, Any]) -> bytes:
     """A record as JSON. Raises ValueError for bytes, keys that are no text, NaN and infinity."""
@@ -87,11 +85,15 @@ def _base64(value: object) -> dict[str, str]:
 
 
 def _has_non_finite(value: object) -> bool:
-    """Whether a value that orjson has accepted holds NaN or infinity."""
-    if isinstance(value, float):
-        return not math.isfinite(value)
-    if isinstance(value, dict):
-        return any([_has_non_finite(item) for item in value.values() if type(item) not in _FINITE])
-    if isinstance(value, list | tuple):
-        return any([_has_non_finite(item) for item in value if type(item) not in _FINITE])
+    """Whether a value that is plain JSON otherwise holds NaN or infinity."""
+    pending: list[Any] = [value]
+    for item in pending:
+        kind = type(item)
+        if kind is float:
+            if not math.isfinite(item):
+                return True
+        elif kind is dict:
+            pending.extend(item.values())
+        elif kind is list or kind is tuple:
+            pending.extend(item)
     return False

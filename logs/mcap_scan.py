@@ -21,7 +21,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment as AttachmentRecord
-from mcap.records import Channel, DataEnd, Header, Metadata, Schema, Statistics
+from mcap.records import Channel, DataEnd, Footer, Header, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from logs import Attachment, LogError
@@ -94,6 +94,8 @@ class McapScan:
         """The file does not end as it should, or is damaged."""
         self.whole_bytes = len(MCAP0_MAGIC)
         """How much of the file, from its start, consists of undamaged records."""
+        self._damaged = False
+        self._summary: list[tuple[int, bytes]] = []
         self._statistics: Statistics | None = None
         self._unpacker = zstandard.ZstdDecompressor()
         try:
@@ -143,30 +145,52 @@ class McapScan:
             self._examine()
 
     def _scan(self) -> bool:
-        """Note where everything is. Returns whether a checksum has proved all of it undamaged."""
-        crc, stated = zlib.crc32(MCAP0_MAGIC), None
+        """Note where everything is. Returns whether checksums have proved all of it undamaged."""
+        crc, stated, summary_crc = zlib.crc32(MCAP0_MAGIC), None, 0
         while True:
-            start = self.whole_bytes
             head = self._file.read(_RECORD.size)
             opcode, length = _RECORD.unpack(head)  # a head cut short raises, as damage does
-            if length > self.size_bytes - start - _RECORD.size:
+            if length > self.size_bytes - self.whole_bytes - _RECORD.size:
                 return False
             content = self._file.read(length)
             if opcode == Opcode.FOOTER:
-                ends = self._file.read() == MCAP0_MAGIC
-                self.torn = not ends or stated is None or stated not in (0, crc)
+                summary_crc = zlib.crc32(content[:16], zlib.crc32(head, summary_crc))
+                summary = Footer.read(_stream(content)).summary_crc in (0, summary_crc)
+                ends = summary and stated in (0, crc) and self._file.read() == MCAP0_MAGIC
+                self.torn = self._damaged or not ends
+                if summary:
+                    self._trust_summary()
                 return not self.torn and stated == crc
-            if opcode == Opcode.DATA_END:
+            if stated is not None:
+                summary_crc = zlib.crc32(content, zlib.crc32(head, summary_crc))
+                self._summary.append((opcode, content))
+            elif opcode == Opcode.DATA_END:
                 stated = DataEnd.read(_stream(content)).data_section_crc
-            elif stated is None:
+            else:
                 crc = zlib.crc32(content, zlib.crc32(head, crc))
-            self._note(opcode, start, content)
-            self.whole_bytes = start + _RECORD.size + length
+                self._note(opcode, self.whole_bytes, content)
+            self.whole_bytes += _RECORD.size + length
+
+    def _trust_summary(self) -> None:
+        for opcode, content in self._summary:
+            if opcode == Opcode.STATISTICS:
+                self._statistics = Statistics.read(_stream(content))
+            else:
+                self._define(opcode, content)
 
     def _note(self, opcode: int, offset: int, content: bytes) -> None:
         if opcode == Opcode.CHUNK:
             self.chunks.append(self._chunk(offset, content))
-        elif opcode == Opcode.METADATA:
+        elif opcode == Opcode.MESSAGE:
+            raise _ForeignError("has messages outside chunks")
+        else:
+            try:
+                self._note_single(opcode, offset, content)
+            except _DAMAGE:
+                self._damaged = True
+
+    def _note_single(self, opcode: int, offset: int, content: bytes) -> None:
+        if opcode == Opcode.METADATA:
             metadata = Metadata.read(_stream(content))
             self.placed.append(Placed(offset, (metadata.name, metadata.metadata)))
         elif opcode == Opcode.ATTACHMENT:
@@ -174,10 +198,6 @@ class McapScan:
         elif opcode == Opcode.HEADER:
             header = Header.read(_stream(content))
             self.library, self.profile = header.library, header.profile
-        elif opcode == Opcode.STATISTICS:
-            self._statistics = Statistics.read(_stream(content))
-        elif opcode == Opcode.MESSAGE:
-            raise _ForeignError("has messages outside chunks")
         else:
             self._define(opcode, content)
 
@@ -199,23 +219,28 @@ class McapScan:
         return Chunk(offset, start, len(content) - data, size, crc, compression)
 
     def _examine(self) -> None:
-        """Check every chunk and count its messages, up to the first that is damaged."""
+        """Check every chunk and count its messages, up to the first that is damaged or missing."""
         counts: Counter[int] = Counter()
         starts_ns: list[int] = []
+        following = 0
         for number, chunk in enumerate(self.chunks):
             try:
                 data = self.unpack(chunk)
                 if chunk.crc not in (0, zlib.crc32(data)):
                     raise EOFError
                 self._define_all(data)
-                found = [(message[0], message[2]) for message in messages(data, self.channels)]
+                found = [message[:3] for message in messages(data, self.channels)]
+                # Our sequence numbers have no gaps: one betrays a chunk that is no longer seen as such.
+                if self.library == LIBRARY and found and found[0][1] != following:
+                    raise EOFError
             except _DAMAGE:
                 self._cut(number)
                 break
-            counts.update(channel for channel, _ in found)
+            counts.update(channel for channel, _, _ in found)
+            following += len(found)
             if found:
-                starts_ns.append(min(time_ns for _, time_ns in found))
-                self.end_ns = max(self.end_ns, *(time_ns for _, time_ns in found))
+                starts_ns.append(min(time_ns for _, _, time_ns in found))
+                self.end_ns = max(self.end_ns, *(time_ns for _, _, time_ns in found))
         self.start_ns = min(starts_ns, default=0)
         self.counts = dict(counts)
 

@@ -53,9 +53,14 @@ _FOOTER_HEAD = struct.Struct("<BQQQ")
 class Output(Protocol):
     """What a sink needs of a binary file opened without buffering."""
 
-    def write(self, data: memoryview, /) -> int | None: ...
-    def truncate(self, size: int, /) -> int: ...
-    def close(self) -> None: ...
+    def write(self, data: memoryview, /) -> int | None:
+        """Write some of it; returns how much. Raises OSError."""
+
+    def truncate(self, size: int, /) -> int:
+        """Cut the file to that many bytes."""
+
+    def close(self) -> None:
+        """Close the file."""
 
 
 class FileSink:
@@ -112,7 +117,7 @@ class McapWriter:
         self._sink = sink
         self._chunk_bytes = chunk_bytes
         self._crc = 0
-        self._zstd = zstandard.ZstdCompressor()
+        self._zstd = zstandard.ZstdCompressor(level=3)
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._states: dict[int, _ChannelState] = {}

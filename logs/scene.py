@@ -9,6 +9,7 @@ Encoding of messages: https://protobuf.dev/programming-guides/encoding
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from foxglove_schemas_protobuf.Color_pb2 import Color
@@ -79,8 +80,10 @@ class SceneEncoder:
             self._moved = np.array(poses)
             self._motions = self._encode_motion(poses)
         stamp = _stamp(1, now_ns)
-        pairs = zip(self._children, self._motions, strict=True)
-        return b"".join([_field(1, stamp + child + motion) for child, motion in pairs])
+        fixed, parts = len(stamp) + _MOTION.itemsize, list[bytes]()
+        for child, motion in zip(self._children, self._motions, strict=True):
+            parts += (_head(1, fixed + len(child)), stamp, child, motion)
+        return b"".join(parts)
 
     def lights(self, now_ns: int, poses: NDArray[np.float64], lamps: NDArray[np.uint8]) -> bytes:
         """PointCloud of all lamps. `lamps` (N,): colour numbers, 0: dark."""
@@ -153,11 +156,17 @@ def _stamped(update: SceneUpdate, now_ns: int) -> bytes:
 
 def _field(number: int, content: bytes) -> bytes:
     """A length-delimited field of number below 16."""
-    size, length = len(content), b""
+    return _head(number, len(content)) + content
+
+
+@lru_cache(maxsize=256)
+def _head(number: int, size: int) -> bytes:
+    """Tag and length of a field, the length in groups of seven bits, lowest first."""
+    length = b""
     while size > 0x7F:
         length += bytes((size & 0x7F | 0x80,))
         size >>= 7
-    return b"%c%b%c%b" % (number << 3 | 2, length, size, content)
+    return bytes((number << 3 | 2,)) + length + bytes((size,))
 
 
 def _motion_rows(robots: int) -> NDArray[np.void]:

@@ -9,13 +9,12 @@ from channels.messages import Hello, Report
 
 
 class RobotFailure(Exception):
-    """A robot that can no longer take part: which one, why, and its last output."""
+    """A robot that can no longer take part: which one, and why."""
 
-    def __init__(self, robot: str, cause: str, output: Sequence[str] = ()) -> None:
+    def __init__(self, robot: str, cause: str) -> None:
         super().__init__(f"robot {robot} {cause}")
         self.robot = robot
         self.cause = cause
-        self.output = list(output)
 
 
 class Fleet(Protocol):
@@ -35,6 +34,9 @@ class Fleet(Protocol):
     @property
     def refused(self) -> list[tuple[int, str]]:
         """Messages that were no reports, as (robot index, why), since this was last emptied."""
+
+    def last_output(self, robot: str) -> list[str]:
+        """The last lines a robot wrote, where they are known apart; complete once closed."""
 
     def close(self) -> None:
         """End every robot. Safe to call at any time and again."""

@@ -72,6 +72,10 @@ class InProcessFleet:
         except MessageError as error:
             raise RobotFailure(self._robots[robot], f"sent a malformed report: {error}") from None
 
+    def last_output(self, robot: str) -> list[str]:
+        """Nothing: what robots write here goes straight to the terminal."""
+        return []
+
     def close(self) -> None:
         """Cancel every behaviour and close its loop."""
         self._watchdog.stop()

@@ -32,7 +32,7 @@ from agent.zygote import (
     decode_from_zygote,
     encode,
 )
-from emulator.errors import UserError
+from emulator.errors import RunFailed, UserError
 
 KEPT_LINES = 20
 """How much of a robot's output is kept for the story of its end."""
@@ -130,7 +130,7 @@ class Supervisor:
         self._answered.acquire()
         answer = self._answers.popleft()
         if answer is None:
-            raise UserError("the process that starts the robots ended by itself; its message stands above")
+            raise RunFailed("the process that starts the robots ended by itself; its message stands above")
         return answer
 
     def _listen(self) -> None:

@@ -59,7 +59,10 @@ class ZenohFleet:
     ) -> None:
         """`listen`: a Zenoh endpoint such as tcp/127.0.0.1:7447; None: a Unix socket of our own."""
         self._socket_folder = Path(tempfile.mkdtemp(prefix="heliograph-"))
-        self._listen = listen
+        self.endpoint = listen or f"unixsock-stream/{self._socket_folder}/broker.sock"
+        self.run = secrets.token_hex(4)
+        """Part of all keys of this run, so that runs cannot meet."""
+        self.passwords: dict[str, str] = {}
         self._timeout_s = answer_timeout_s
         self._session: zenoh.Session | None = None
         self._robots: list[str] = []
@@ -84,15 +87,14 @@ class ZenohFleet:
         self._robots = [hello.robot for hello in hellos]
         self._index = {robot: index for index, robot in enumerate(self._robots)}
         self._numbers = [0] * len(hellos)
-        run = secrets.token_hex(4)
-        passwords = [(robot, secrets.token_urlsafe(16)) for robot in self._robots]
-        endpoint = self._listen or f"unixsock-stream/{self._socket_folder}/broker.sock"
-        session = self._open(endpoint, run, passwords)
+        self.passwords = {robot: secrets.token_urlsafe(16) for robot in self._robots}
+        run, credentials = self.run, list(self.passwords.items())
+        session = self._open(credentials)
         # Declared before any robot knows the endpoint, so nothing a robot says can be lost.
         self._reports = session.declare_subscriber(from_all_robots(run), channel())
         self._bad_news = declare_publisher(session, to_broker(run, SUPERVISOR))
         self._grants = [declare_publisher(session, to_robot(run, robot)) for robot in self._robots]
-        self.pids = self._supervisor.spawn(endpoint, run, passwords, self._tell_gone)
+        self.pids = self._supervisor.spawn(self.endpoint, run, credentials, self._tell_gone)
         everyone = range(len(hellos))
         self._clock.start()
         with self._clock:
@@ -118,6 +120,10 @@ class ZenohFleet:
             reports = self._gather([robot for robot, _ in grants], self._take_report)
         return [reports[robot] for robot, _ in grants]  # type: ignore[misc]
 
+    def last_output(self, robot: str) -> list[str]:
+        """The last lines a robot wrote; complete once the fleet is closed."""
+        return self._supervisor.last_output(robot)
+
     def close(self) -> None:
         """Say goodbye, give the robots a moment, end those that stay, remove the socket."""
         self._clock.stop()
@@ -139,19 +145,19 @@ class ZenohFleet:
                 return
             time.sleep(0.005)
 
-    def _open(self, endpoint: str, run: str, passwords: Sequence[tuple[str, str]]) -> zenoh.Session:
+    def _open(self, credentials: Sequence[tuple[str, str]]) -> zenoh.Session:
         own_password = secrets.token_urlsafe(16)
         # The router wants passwords as a file: give it one that has no name and never meets a disk.
         descriptor = os.memfd_create("passwords")
         try:
-            lines = [f"_broker:{own_password}", *(f"{robot}:{word}" for robot, word in passwords)]
+            lines = [f"_broker:{own_password}", *(f"{robot}:{word}" for robot, word in credentials)]
             os.write(descriptor, ("\n".join(lines) + "\n").encode())
-            rules = access_control(run, self._robots)
+            rules = access_control(self.run, self._robots)
             path = f"/proc/self/fd/{descriptor}"
-            self._session = zenoh.open(broker_config(endpoint, own_password, path, rules))
+            self._session = zenoh.open(broker_config(self.endpoint, own_password, path, rules))
         except zenoh.ZError as error:
             raise UserError(
-                f"--listen: cannot listen at {endpoint} ({_first_sentence(error)}); "
+                f"--listen: cannot listen at {self.endpoint} ({_first_sentence(error)}); "
                 "choose another endpoint, or leave it out to use a Unix socket"
             ) from None
         finally:
@@ -202,9 +208,10 @@ class ZenohFleet:
         for robot in sorted(awaited):
             name = self._robots[robot]
             if self._supervisor.has_exited(name):
-                self._fail(robot, self._supervisor.cause_of_end(name))
+                raise RobotFailure(name, self._supervisor.cause_of_end(name))
         if news == OVERDUE and self._clock.overdue():
-            self._fail(min(awaited), self._why_overdue(min(awaited)))
+            first = min(awaited)
+            raise RobotFailure(self._robots[first], self._why_overdue(first))
 
     def _why_overdue(self, robot: int) -> str:
         refused = [why for who, why in self.refused if who == robot]
@@ -213,9 +220,6 @@ class ZenohFleet:
             return f"{cause}; {len(refused)} malformed messages were refused, the last: {refused[-1]}"
         return f"{cause}; does it loop without awaiting? (limits.answer_timeout_s sets the deadline)"
 
-    def _fail(self, robot: int, cause: str) -> None:
-        name = self._robots[robot]
-        raise RobotFailure(name, cause, self._supervisor.last_output(name))
 
     def _tell_gone(self, _robot: str) -> None:
         with contextlib.suppress(zenoh.ZError):

@@ -8,7 +8,7 @@ virtual time and, faster, in real time. Whatever happens is noted with the loop'
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Any
 
 from hypothesis import strategies as st
@@ -33,7 +33,9 @@ def programs(ticks: st.SearchStrategy[int]) -> st.SearchStrategy[Program]:
     ops = st.lists(simple, min_size=1, max_size=4).map(tuple)
     for _ in range(2):
         block = st.tuples(st.sampled_from(["timeout", "wait_for"]), ticks, ops)
-        fork = st.tuples(st.sampled_from(["group", "gather", "wait_all"]), st.lists(ops, min_size=1, max_size=3))
+        fork = st.tuples(
+            st.sampled_from(["group", "gather", "wait_all"]), st.lists(ops, min_size=1, max_size=3)
+        )
         ops = st.lists(timed | simple | block | fork, min_size=1, max_size=5).map(tuple)
     return st.lists(ops, min_size=1, max_size=MAX_TASKS).map(tuple)
 
@@ -148,7 +150,7 @@ class Player:
         return self._tasks[task].cancel() if task < len(self._tasks) else False
 
     async def _do_generate(self, path: str) -> None:
-        async def numbers() -> Any:
+        async def numbers() -> AsyncIterator[int]:
             try:
                 for number in range(3):
                     yield number
@@ -174,15 +176,16 @@ class Player:
             return "timed out"
 
     async def _do_group(self, path: str, children: Sequence[Sequence[Op]]) -> str:
+        outcome = "all well"
         try:
             async with asyncio.TaskGroup() as group:
                 for number, ops in enumerate(children):
                     group.create_task(self._all(f"{path}/{number}", ops))
         except* ValueError as errors:
-            return str(errors.exceptions)
-        return "all well"
+            outcome = str(errors.exceptions)
+        return outcome
 
-    async def _do_gather(self, path: str, children: Sequence[Sequence[Op]]) -> list[str | BaseException]:
+    async def _do_gather(self, path: str, children: Sequence[Sequence[Op]]) -> list[str]:
         coros = [self._all(f"{path}/{number}", ops) for number, ops in enumerate(children)]
         return [repr(result) for result in await asyncio.gather(*coros, return_exceptions=True)]
 

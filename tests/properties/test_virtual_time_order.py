@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 import selectors
 from collections.abc import Callable
+from functools import partial
 
-import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, assume, given, reject, settings
 from hypothesis import strategies as st
 
 from agent.virtual_time import GrantedTimeLoop, numbered_tasks
 from tests.properties.asyncio_programs import Op, Player, Program, bursts, programs
 
 TICK_S = 0.1
-SHORTEST_TICK_S = 0.004
+REAL_TICKS_S = (0.003, 0.006, 0.012, 0.03)
 Trace = list[tuple[str, int]]
 
 
@@ -64,7 +64,10 @@ def run_granted_without_ties(loop: asyncio.AbstractEventLoop) -> None:
 
 
 def trace_of(
-    program: Program, loop: asyncio.AbstractEventLoop, run: Callable[[asyncio.AbstractEventLoop], None], tick_s: float
+    program: Program,
+    loop: asyncio.AbstractEventLoop,
+    run: Callable[[asyncio.AbstractEventLoop], None],
+    tick_s: float,
 ) -> Trace:
     """What happens when the program is played, each with the loop's time since the start in ns."""
     trace: Trace = []
@@ -115,30 +118,56 @@ def test_programs_do_the_same_on_asyncios_loop(program: Program) -> None:
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.lists(st.lists(bursts() | st.just(("sleep", 1)), min_size=1, max_size=3).map(tuple), min_size=1, max_size=3))
+@given(
+    st.lists(
+        st.lists(bursts() | st.just(("sleep", 1)), min_size=1, max_size=3).map(tuple), min_size=1, max_size=3
+    )
+)
 def test_ties_among_many_timers_come_out_as_on_asyncios_loop(tasks: list[tuple[Op, ...]]) -> None:
     program = tuple(tasks)
     assert trace_of(program, GrantedTimeLoop(), run_granted, TICK_S) == expected_of(program)
 
 
-@settings(max_examples=20, deadline=None)
-@given(programs(TIED_TICKS), st.integers(0, 999_999_000_000_000))
-def test_programs_do_the_same_at_any_time_of_the_run(program: Program, start_ns: int) -> None:
+@settings(max_examples=50, deadline=None)
+@given(programs(TIED_TICKS), st.integers(0, 7_990_000))
+def test_programs_do_the_same_at_any_time_of_the_run(program: Program, eighths: int) -> None:
+    # Eighths of a second are exact as floats, so that ties stay ties 11 days later.
     at_start = trace_of(program, GrantedTimeLoop(), run_granted, 0.125)
-    later = trace_of(program, GrantedTimeLoop(start_ns // 2**20 * 2**20), run_granted, 0.125)
-    assert [label for label, _ in later] == [label for label, _ in at_start]
+    later = trace_of(program, GrantedTimeLoop(eighths * 125_000_000), run_granted, 0.125)
+    assert later == at_start
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@settings(
+    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow]
+)
 @given(programs(UNTIED_TICKS))
 def test_programs_keep_their_order_in_real_time(program: Program) -> None:
     virtual = trace_of(program, GrantedTimeLoop(), run_granted_without_ties, TICK_S)
-    assume(1 < virtual[-1][1] / TICK_S / 1e9 < 30)
-    for attempt in range(4):
-        tick_s = SHORTEST_TICK_S * 2**attempt
-        end_s = (virtual[-1][1] / TICK_S / 1e9 + 1) * tick_s
-        real = trace_of(program, real_loop(), lambda loop, end_s=end_s: run_real(loop, end_s), tick_s)
-        lateness = ticks_late(virtual, real, tick_s)
-        if [label for label, _ in real] == [label for label, _ in virtual]:
+    in_ticks = {label: time_ns / TICK_S / 1e9 for label, time_ns in virtual}
+    last_tick = virtual[-1][1] / TICK_S / 1e9
+    assume(len(virtual) > 10 and 1 < last_tick < 30)
+    for tick_s in REAL_TICKS_S:
+        real = trace_of(program, real_loop(), partial(run_for, (last_tick + 1) * tick_s), tick_s)
+        late_ticks = max(abs(time_ns / tick_s / 1e9 - in_ticks.get(label, 0)) for label, time_ns in real)
+        if late_ticks < 0.4:
+            assert [label for label, _ in real] == [label for label, _ in virtual]
             return
-        ...
+    reject()  # a machine this busy is no oracle: timers of different instants came due together
+
+
+def real_loop() -> asyncio.SelectorEventLoop:
+    loop = asyncio.SelectorEventLoop(selectors.SelectSelector())  # epoll would round sleeps up to 1 ms
+    loop.set_task_factory(numbered_tasks())  # type: ignore[arg-type]
+    return loop
+
+
+def run_for(duration_s: float, loop: asyncio.AbstractEventLoop) -> None:
+    async def stop() -> None:
+        await asyncio.sleep(duration_s)
+        for _ in range(50):  # what came due together with this is to happen, to be noted, and to be seen late
+            await asyncio.sleep(0)
+        loop.stop()
+
+    task = loop.create_task(stop())
+    loop.run_forever()
+    assert task.done()

@@ -50,7 +50,9 @@ def test_shapes_and_types() -> None:
     assert moving.positions(5).dtype == moving.poses(5).dtype == np.float64
 
 
-@pytest.mark.parametrize("motion", [StaticMotion(), BounceMotion(speed_mps=1), CommandedMotion(max_speed_mps=1)])
+@pytest.mark.parametrize(
+    "motion", [StaticMotion(), BounceMotion(speed_mps=1), CommandedMotion(max_speed_mps=1)]
+)
 def test_arrays_are_read_only(motion: Motion) -> None:
     some = world(motion, spec(1, 2, (1, 0)))
     for array in (some.positions(3), some.poses(3)):
@@ -183,6 +185,22 @@ def test_go_to_arrives_and_stands() -> None:
     assert y_before < 6
     assert pose(driven, arrival) == (6, 6, 0.643501109)
     assert driven.positions(arrival) is driven.positions(50 * S)
+
+
+def test_arrival_is_exact_in_place_and_to_the_nanosecond_in_time() -> None:
+    driven = commanded(2.3)
+    driven.command(0, 0, MotionCommand(towards_m=(6.1, 3.0), speed_mps=1.8))  # 19/9 s, a little after:
+    assert pose(driven, 2_111_111_111) == (6.1, 3, 0)
+    assert pose(driven, 2_111_111_110)[0] < 6.1
+
+
+@pytest.mark.parametrize(("x", "speed_mps", "arrival_ns"), [(6.7, 0.7, 4_714_285_714), (2.9, 0.1, 71 * S)])
+def test_a_wall_is_reached_exactly(x: float, speed_mps: float, arrival_ns: int) -> None:
+    driven = commanded(x)
+    driven.command(0, 0, MotionCommand(velocity_mps=(speed_mps, 0.0)))
+    assert pose(driven, arrival_ns - 1)[0] < 10
+    assert pose(driven, arrival_ns) == (10, 3, 0)
+    assert pose(driven, 2 * arrival_ns) == (10, 3, 0)
 
 
 def test_go_to_as_fast_as_allowed() -> None:

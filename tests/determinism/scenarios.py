@@ -1,0 +1,146 @@
+"""Scenarios that between them use every feature that could disturb determinism."""
+
+from __future__ import annotations
+
+BEHAVIOUR = '''
+"""Uses everything a robot has: timers, radio and camera waits, random draws, threads, motion, lamp."""
+
+import asyncio
+
+from agent import Robot
+
+
+async def busybody(robot: Robot) -> None:
+    async with asyncio.TaskGroup() as group:
+        group.create_task(talk(robot))
+        group.create_task(listen(robot))
+        group.create_task(look(robot))
+        if robot.params["drives"]:
+            group.create_task(drive(robot))
+
+
+async def talk(robot: Robot) -> None:
+    while True:
+        await asyncio.sleep(float(robot.rng.uniform(0.05, 0.3)))
+        accepted = robot.radio.broadcast({"id": robot.id, "at": robot.now_ns, "draw": robot.rng.random(3)})
+        robot.lamp.show(int(robot.rng.integers(0, 3)))
+        robot.log("talk", {"accepted": accepted, "pose": list(robot.body.pose)})
+
+
+async def listen(robot: Robot) -> None:
+    async for message in robot.radio:
+        weight = await asyncio.to_thread(sum, message.payload["draw"])
+        robot.log("heard", {"from": message.sender, "at": message.received_ns, "weight": weight})
+
+
+async def look(robot: Robot) -> None:
+    while True:
+        try:
+            async with asyncio.timeout(0.4):
+                frame = await robot.camera.frame()
+        except TimeoutError:
+            robot.log("dark", {"at": robot.now_ns})
+            continue
+        robot.log("seen", {"sightings": [list(sighting) for sighting in frame.sightings]})
+
+
+async def drive(robot: Robot) -> None:
+    for step in range(100):
+        x, y = robot.rng.uniform(0.0, 30.0, 2)
+        robot.body.go_to(float(x), float(y), 1.5)
+        await asyncio.sleep(0.7)
+        if step % 3 == 2:
+            robot.body.stop()
+            await asyncio.sleep(0.2)
+'''
+
+_COMMON = """
+title = "everything at once"
+behaviour = "my_robot.py:busybody"
+robots = 7
+seed = 1
+
+[run]
+duration_s = 3.0
+
+[lamp]
+colours = 2
+"""
+
+_CAMERA = """
+[camera]
+range_m = 14.0
+field_of_view_deg = 200.0
+frame_rate_hz = 7.0
+miss = 0.1
+lamp_miss = 0.1
+lamp_false = 0.05
+range_noise_m = 0.2
+bearing_noise_deg = 1.0
+"""
+
+SCENARIOS = {
+    "lossy-jittery-radio": _COMMON
+    + _CAMERA
+    + """
+[world]
+area_m = [30.0, 30.0]
+[radio]
+range_m = 18.0
+loss = 0.2
+jitter_s = 0.05
+[params]
+drives = false
+""",
+    "slow-radio-with-queue": _COMMON
+    + _CAMERA
+    + """
+[world]
+area_m = [30.0, 30.0]
+motion = { kind = "bounce", speed_mps = 3.0 }
+[radio]
+range_m = 18.0
+bit_rate_bps = 1500
+queue = 2
+[params]
+drives = false
+""",
+    "tdma-with-drifting-clocks": _COMMON
+    + _CAMERA
+    + """
+[world]
+area_m = [30.0, 30.0]
+[radio]
+range_m = 18.0
+access = "tdma"
+bit_rate_bps = 50000
+max_payload_bytes = 100
+tdma = { slot_s = 0.02, guard_s = 0.001, order = "drawn" }
+[clock]
+drift_ppm = 500
+offset_s = 0.01
+[params]
+drives = false
+""",
+    "commanded-motion": _COMMON
+    + _CAMERA
+    + """
+[world]
+area_m = [30.0, 30.0]
+motion = { kind = "commanded", max_speed_mps = 2.0 }
+[radio]
+range_m = 18.0
+[params]
+drives = true
+""",
+    "no-cameras": _COMMON
+    + """
+[world]
+neighbours = 4
+placement = "grid"
+[radio]
+range_m = 18.0
+[params]
+drives = false
+""",
+}

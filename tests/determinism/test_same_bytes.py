@@ -1,0 +1,142 @@
+"""The contract: a log is a function of scenario, seed and version, and of nothing else."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import orjson
+import pytest
+
+from logs.compare import first_difference
+from tests.determinism.scenarios import BEHAVIOUR, SCENARIOS
+from tests.support import heliograph, run_scenario, write_scenario
+
+
+def assert_same(left: Path, right: Path) -> None:
+    difference = first_difference(left, right)
+    assert difference is None, str(difference)
+    assert left.read_bytes() == right.read_bytes()
+
+
+@pytest.fixture(params=sorted(SCENARIOS))
+def scenario(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    return write_scenario(tmp_path, BEHAVIOUR, SCENARIOS[request.param], request.param)
+
+
+@pytest.fixture
+def busy_machine() -> Iterator[None]:
+    """Two processes per core that do nothing but compute, while a test runs."""
+    spin = [sys.executable, "-c", "while True: pass"]
+    spinners = [subprocess.Popen(spin) for _ in range(2 * (os.cpu_count() or 1))]
+    yield
+    for spinner in spinners:
+        spinner.kill()
+        spinner.wait()
+
+
+@pytest.mark.processes
+def test_two_zenoh_runs_and_an_in_process_run_give_the_same_file(scenario: Path, tmp_path: Path) -> None:
+    first = run_scenario(scenario, tmp_path / "first.mcap", "zenoh")
+    second = run_scenario(scenario, tmp_path / "second.mcap", "zenoh")
+    local = run_scenario(scenario, tmp_path / "local.mcap", "in_process")
+    assert first.progress.activations > 100
+    assert first.progress.delivered > 50
+    assert_same(first.log, second.log)
+    assert_same(first.log, local.log)
+    assert first.digest == second.digest == local.digest
+    assert first.progress == local.progress
+
+
+def test_features_take_part(tmp_path: Path) -> None:
+    """Guards the scenarios above: each must really use what it is there for."""
+    reasons: set[str] = set()
+    for name, toml in SCENARIOS.items():
+        path = write_scenario(tmp_path, BEHAVIOUR, toml, name)
+        outcome = run_scenario(path, tmp_path / f"{name}.mcap", "in_process")
+        reasons |= set(outcome.progress.dropped)
+    assert reasons == {"out_of_range", "queue_full", "out_of_slot", "loss"}
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("seed", range(10))
+def test_ten_seeds(seed: int, tmp_path: Path) -> None:
+    zenoh = run_scenario("association", tmp_path / "zenoh.mcap", "zenoh", seed=seed, robots=12)
+    local = run_scenario("association", tmp_path / "local.mcap", "in_process", seed=seed, robots=12)
+    assert_same(zenoh.log, local.log)
+    assert zenoh.score == local.score
+    assert zenoh.score["false_matches"] == 0
+
+
+def test_seeds_differ(tmp_path: Path) -> None:
+    digests = {
+        run_scenario("association", tmp_path / f"{seed}.mcap", "in_process", seed=seed, robots=5).digest
+        for seed in range(10)
+    }
+    assert len(digests) == 10
+
+
+@pytest.mark.processes
+@pytest.mark.usefixtures("busy_machine")
+def test_the_same_under_load(tmp_path: Path) -> None:
+    loaded = run_scenario("association", tmp_path / "loaded.mcap", "zenoh")
+    local = run_scenario("association", tmp_path / "local.mcap", "in_process")
+    assert_same(loaded.log, local.log)
+
+
+@pytest.mark.processes
+def test_the_same_on_one_processor(tmp_path: Path) -> None:
+    pinned = tmp_path / "pinned.mcap"
+    done = heliograph("run", "association", "--out", pinned, "--json", prefix=["taskset", "-c", "0"])
+    assert done.returncode == 0, done.stderr
+    local = run_scenario("association", tmp_path / "local.mcap", "in_process")
+    assert orjson.loads(done.stdout)["digest"] == local.digest
+    assert_same(pinned, local.log)
+
+
+def test_the_same_whatever_the_hash_seed(tmp_path: Path) -> None:
+    digests = set()
+    for hash_seed in ("0", "1", "2"):
+        out = tmp_path / f"{hash_seed}.mcap"
+        done = heliograph(
+            "run", "association", "--fleet", "in_process", "--out", out, "--json",
+            prefix=["env", f"PYTHONHASHSEED={hash_seed}"],
+        )  # fmt: skip
+        digests.add(orjson.loads(done.stdout)["digest"])
+    assert len(digests) == 1
+
+
+def test_pace_does_not_matter(tmp_path: Path) -> None:
+    digests = set()
+    for rate in ("max", "25"):
+        done = heliograph(
+            "run", "association", "--fleet", "in_process", "--duration", "2", "--rate", rate,
+            "--out", tmp_path / f"{rate}.mcap", "--json",
+        )  # fmt: skip
+        digests.add(orjson.loads(done.stdout)["digest"])
+    assert len(digests) == 1
+
+
+@pytest.mark.processes
+def test_verify(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, BEHAVIOUR, SCENARIOS["commanded-motion"])
+    log = run_scenario(scenario, tmp_path / "log.mcap", "in_process").log
+    scenario.unlink()
+    (tmp_path / "my_robot.py").unlink()  # the log carries all that is needed
+    same = heliograph("verify", log)
+    assert (same.returncode, same.stdout.strip()) == (0, f"{log}: the same, byte for byte"), same.stderr
+
+
+def test_verify_shows_the_first_record_that_differs(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, BEHAVIOUR, SCENARIOS["no-cameras"])
+    log = run_scenario(scenario, tmp_path / "log.mcap", "in_process").log
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "my_robot.py").write_text(BEHAVIOUR.replace('"accepted": accepted', '"accepted": not accepted'))
+    done = heliograph("verify", log, "--fleet", "in_process", "--source", other)
+    assert done.returncode == 1
+    assert "/robot" in done.stdout
+    assert "accepted" in done.stdout

@@ -1,0 +1,249 @@
+"""What happens when robots, users or machines misbehave: one plain story, a whole log, nothing left."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from logs import LogError
+from logs.reader import LogReader
+from tests.support import TIMEOUT_S, heliograph, write_scenario
+
+pytestmark = pytest.mark.processes
+
+TOML = """
+behaviour = "my_robot.py:main"
+robots = 3
+[run]
+duration_s = 5.0
+[world]
+area_m = [10.0, 10.0]
+[radio]
+range_m = 20.0
+max_payload_bytes = 64
+[limits]
+answer_timeout_s = 1.5
+"""
+
+PREAMBLE = """
+import asyncio, os, signal, sys, time
+from agent import Robot
+
+async def main(robot: Robot) -> None:
+    await asyncio.sleep(1.0)
+    robot.radio.broadcast({"id": robot.id})
+    robot.log("alive", {"at": robot.now_ns})
+    await asyncio.sleep(1.0)
+    if robot.id == "r01":
+        print("famous last words")
+        bad(robot)
+    await asyncio.sleep(10.0)
+"""
+
+FAULTS = {
+    "raises": ("    raise ValueError('boom')", "robot r01 failed: ValueError: boom"),
+    "exits": ("    os._exit(3)", "robot r01 exited with code 3"),
+    "leaves": ("    sys.exit(4)", "robot r01 exited with code 4"),
+    "is killed": ("    os.kill(os.getpid(), signal.SIGKILL)", "robot r01 was killed by signal 9"),
+    "never awaits": ("    while True: pass", "robot r01 did not answer within 1.5 s; does it loop without awaiting?"),
+    "blocks": ("    time.sleep(100)", "robot r01 did not answer within 1.5 s; does it loop without awaiting?"),
+    "floods": (
+        "    for _ in range(10**6): robot.radio.broadcast(1)",
+        "robot r01 failed: TooMuchAtOnce: more than 1000 radio messages at one instant; await between broadcasts",
+    ),
+    "sends too much": (
+        "    robot.radio.broadcast('x' * 100)",
+        "robot r01 failed: MessageTooLong: a payload of 102 bytes; the scenario's radio.max_payload_bytes is 64",
+    ),
+    "sends what has no form": (
+        "    robot.radio.broadcast(object())",
+        "robot r01 failed: TypeError: a object cannot be sent or logged",
+    ),
+    "logs what has no form": (
+        "    robot.log('odd', {'inner': {1: 2}})",
+        "robot r01",
+    ),
+    "drives without wheels": (
+        "    robot.body.drive(1.0, 0.0)",
+        "robot r01 gave a motion command that cannot be followed",
+    ),
+}
+ENDS_THE_PROCESS = {"exits", "is killed"}
+PARTS = [
+    pytest.param(fault, fleet, id=f"{fault}-{fleet}")
+    for fault in FAULTS
+    for fleet in ("zenoh", "in_process")
+    if not (fleet == "in_process" and fault in ENDS_THE_PROCESS)
+]
+
+
+def leftovers() -> set[str]:
+    """Robot and zygote processes, and socket folders."""
+    found = {str(path) for path in Path("/tmp").glob("heliograph-*")}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (process / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if b"agent.zygote" in command:
+            found.add(process.name)
+    return found
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left() -> object:
+    before = leftovers()
+    yield
+    deadline = time.monotonic() + 10.0
+    while leftovers() - before and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert leftovers() - before == set()
+
+
+def whole_log(path: Path) -> LogReader:
+    """The log of a run that was cut short: readable, not torn, and marked as aborted."""
+    log = LogReader(path)
+    assert not log.torn
+    assert not log.complete
+    return log
+
+
+@pytest.mark.parametrize(("fault", "fleet"), PARTS)
+def test_a_robot_that(fault: str, fleet: str, tmp_path: Path) -> None:
+    code, sentence = FAULTS[fault]
+    scenario = write_scenario(tmp_path, f"{PREAMBLE}\n\ndef bad(robot):\n{code}\n", TOML)
+    out = tmp_path / "log.mcap"
+    done = heliograph("run", scenario, "--fleet", fleet, "--out", out, "--json")
+    assert done.returncode == 1, done.stderr
+    assert done.stdout == "" or fleet == "in_process"
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith(f"heliograph: {sentence}"), done.stderr
+    assert "(at 2 s; the log up to then is" in last
+    if fleet == "zenoh":
+        assert "famous last words" in done.stderr.split("--- last output of r01 ---")[1]
+    with whole_log(out) as log:
+        alive = [(at, record["robot"]) for at, record in log.records("/robot") if record["entry"] == "alive"]
+        assert alive == [(10**9, robot) for robot in ("r00", "r01", "r02")]
+        assert len(list(log.records("/radio"))) == 3
+        faults = [record for _, record in log.records("/faults")]
+        assert faults[-1]["robot"] == "r01"
+
+
+def test_what_a_robot_prints_is_shown_with_its_name(tmp_path: Path) -> None:
+    code = "async def main(robot):\n    print('hello from', robot.id)\n"
+    done = heliograph("run", write_scenario(tmp_path, code, TOML), "--out", tmp_path / "log.mcap")
+    assert done.returncode == 0, done.stderr
+    for robot in ("r00", "r01", "r02"):
+        assert f"{robot} | hello from {robot}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("code", "sentence"),
+    [
+        ("import nothing_of_this_name\n", "my_robot.py fails to import: ModuleNotFoundError"),
+        ("def main(robot) oops\n", "my_robot.py fails to import: SyntaxError"),
+        ("x = 1\n", "my_robot.py has no function 'main'"),
+        ("def main(robot):\n    pass\n", "my_robot.py:main is not an `async def` function"),
+        ("raise SystemExit(5)\n", "importing the behaviour ended with SystemExit: 5"),
+    ],
+)
+def test_a_behaviour_that_cannot_be_used(code: str, sentence: str, tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, code, TOML)
+    done = heliograph("run", scenario, "--out", tmp_path / "log.mcap")
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.strip().startswith(f"heliograph: behaviour: {sentence}"), done.stderr
+    assert "\n" not in done.stderr.strip()
+    assert not (tmp_path / "log.mcap").exists()
+
+
+ENDLESS = """
+import asyncio
+async def main(robot):
+    while True:
+        await asyncio.sleep(0.1)
+        robot.radio.broadcast(robot.id)
+"""
+
+
+def start_endless(folder: Path) -> subprocess.Popen[str]:
+    """A run that takes minutes, already recording."""
+    scenario = write_scenario(folder, ENDLESS, TOML)
+    out = folder / "log.mcap"
+    command = [sys.executable, "-m", "emulator", "run", str(scenario), "--out", str(out), "--json"]
+    process = subprocess.Popen(
+        [*command, "--duration", "1000", "--rate", "5"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + TIMEOUT_S
+    while radio_records(out) <= 20 and time.monotonic() < deadline:
+        assert process.poll() is None, process.stderr and process.stderr.read()
+        time.sleep(0.05)
+    return process
+
+
+def radio_records(path: Path) -> int:
+    try:
+        with LogReader(path) as log:
+            return len(list(log.records("/radio")))
+    except LogError:
+        return 0
+
+
+@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted(how: signal.Signals, code: int, tmp_path: Path) -> None:
+    process = start_endless(tmp_path)
+    process.send_signal(how)
+    stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == code, stderr
+    assert stdout == ""
+    assert stderr.strip().endswith("the log is whole up to this instant")
+    with whole_log(tmp_path / "log.mcap") as log:
+        assert len(list(log.records("/radio"))) > 20
+
+
+def test_broker_killed(tmp_path: Path) -> None:
+    process = start_endless(tmp_path)
+    process.kill()
+    process.communicate(timeout=TIMEOUT_S)
+    with LogReader(tmp_path / "log.mcap") as log:  # readable to its last whole chunk
+        assert log.torn
+        assert len(list(log.records("/radio"))) > 20
+
+
+def test_zygote_killed(tmp_path: Path) -> None:
+    process = start_endless(tmp_path)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    os.kill(int(children[0]), signal.SIGKILL)
+    _, stderr = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 1
+    assert "was lost: the process that starts the robots is gone" in stderr
+    whole_log(tmp_path / "log.mcap").close()
+
+
+def test_a_port_that_is_taken(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        done = heliograph("run", "association", "--out", tmp_path / "log.mcap", "--listen", endpoint)
+    assert done.returncode == 2
+    assert done.stderr.strip().splitlines()[-1].startswith(f"heliograph: --listen: cannot listen at {endpoint}")
+
+
+def test_over_tcp(tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    done = heliograph(
+        "run", "association", "--robots", 4, "--out", tmp_path / "tcp.mcap", "--listen", f"tcp/127.0.0.1:{port}"
+    )
+    assert done.returncode == 0, done.stderr
+    again = heliograph("run", "association", "--robots", 4, "--out", tmp_path / "unix.mcap")
+    assert again.returncode == 0
+    assert (tmp_path / "tcp.mcap").read_bytes() == (tmp_path / "unix.mcap").read_bytes()
