@@ -82,7 +82,7 @@ class RobotHost:
             outbox.transmissions,
             outbox.lamp,
             outbox.motion,
-            outbox.entries,  # type: ignore[arg-type]  # RawEntry has the form of LogEntry on the wire
+            outbox.entries,
             ended,
         )
         outbox.clear()

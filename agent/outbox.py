@@ -6,8 +6,8 @@ from channels.messages import (
     MAX_ENTRIES,
     MAX_TRANSMISSIONS,
     LampCommand,
+    LogEntry,
     MotionCommand,
-    RawEntry,
     Transmission,
 )
 
@@ -29,7 +29,7 @@ class Outbox:
         self.transmissions: list[Transmission] = []
         self.lamp: list[LampCommand] = []
         self.motion: list[MotionCommand] = []
-        self.entries: list[RawEntry] = []
+        self.entries: list[LogEntry] = []
 
     def transmit(self, transmission: Transmission) -> None:
         """Raises TooMuchAtOnce past the limit of messages at one instant."""
@@ -49,7 +49,7 @@ class Outbox:
         _limit(len(self.motion), "motion commands")
         self.motion.append(command)
 
-    def log(self, entry: RawEntry) -> None:
+    def log(self, entry: LogEntry) -> None:
         """Raises TooMuchAtOnce past the limit of entries at one instant."""
         _limit(len(self.entries), "log entries")
         self.entries.append(entry)

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from agent.drivers.body import Body
@@ -22,7 +21,7 @@ from agent.drivers.camera import Camera, Frame
 from agent.drivers.lamp import Lamp
 from agent.outbox import Outbox
 from agent.radio import Radio, Received
-from channels.messages import Hello, RawEntry, encode
+from channels.messages import Hello, LogEntry, encode_entry
 from channels.units import to_ns, to_s
 
 
@@ -70,7 +69,7 @@ class Robot:
 
     def log(self, name: str, data: Mapping[str, Any]) -> None:
         """Record an entry: what scoring reads. TypeError for what JSON has no form for."""
-        self._outbox.log(RawEntry(name, msgspec.Raw(encode(data))))
+        self._outbox.log(LogEntry(name, encode_entry(data)))
 
 
 class Observation:

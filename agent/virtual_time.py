@@ -149,7 +149,7 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
     _timer_cancelled_count: int
     _thread_id: int | None
     _clock_resolution: float
-    _closed: bool
+    _closed: bool = True  # until it is open: a loop that was refused its start has nothing to close
     _debug: bool
     _selector: _CountingSelector
     _default_executor: concurrent.futures.Executor | None
@@ -407,7 +407,7 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
         self._write_to_self()
 
     async def shutdown_default_executor(self, timeout: float | None = None) -> None:
-        """Wait until the default executor's work is done; `timeout` could not pass meanwhile and is ignored."""
+        """Wait until the default executor's work is done; no `timeout` could pass meanwhile."""
         self._executor_shutdown_called = True
         executor = self._default_executor
         if executor is None:
@@ -434,8 +434,12 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
         """Refuse (RuntimeError): the loop runs until it is idle, and then no further than it is granted."""
         raise RuntimeError("a GrantedTimeLoop cannot be stopped from within: end the tasks instead")
 
+    def add_signal_handler(self, sig: int, callback: Callable[..., object], *args: object) -> NoReturn:
+        """Refuse (NotImplementedError, as asyncio does on systems without signals)."""
+        raise NotImplementedError("signals come in wall time: a GrantedTimeLoop does not handle them")
+
     def close(self) -> None:
-        """Close the loop; callbacks not run and results not delivered are dropped. RuntimeError when running."""
+        """Close the loop (RuntimeError while it runs); what has not run or been delivered is dropped."""
         super().close()
         self._threads.clear()
 

@@ -15,6 +15,7 @@ nanoseconds; on this wire they are readings of the *robot's own* clock, which th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import msgspec
@@ -105,17 +106,10 @@ class MotionCommand(Struct, array_like=True, frozen=True, gc=False):
 
 
 class LogEntry(Struct, array_like=True, frozen=True, gc=False):
-    """One line a behaviour logs: a name and a JSON-like object."""
+    """One line a behaviour logs: a name and an object, as the JSON text that the log will hold."""
 
     name: Annotated[str, Meta(min_length=1, max_length=100)]
-    data: dict[str, Any]
-
-
-class RawEntry(Struct, array_like=True, frozen=True, gc=False):
-    """`LogEntry` as the robot writes it: encoded when the behaviour logs it, so that it can go on."""
-
-    name: str
-    data: msgspec.Raw
+    text: bytes
 
 
 class Report(Struct, array_like=True, frozen=True, gc=False):
@@ -191,6 +185,8 @@ def _plain(value: object) -> object:
 encode = msgspec.msgpack.Encoder(enc_hook=_plain).encode
 """Any of the structures above, or plain data, as msgpack bytes. TypeError for other objects."""
 
+_encode_json = msgspec.json.Encoder(enc_hook=_plain).encode
+
 _report = msgspec.msgpack.Decoder(Report).decode
 _hello = msgspec.msgpack.Decoder(Hello).decode
 _ready = msgspec.msgpack.Decoder(Ready).decode
@@ -222,6 +218,11 @@ def decode_hello(raw: bytes) -> Hello:
         return _hello(raw)
     except msgspec.DecodeError as error:
         raise MessageError(str(error)) from None
+
+
+def encode_entry(data: Mapping[str, Any]) -> bytes:
+    """A log entry as JSON text. Raises TypeError for what JSON has no form for."""
+    return _encode_json(dict(data))
 
 
 def encode_payload(payload: object) -> bytes:

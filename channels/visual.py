@@ -320,12 +320,9 @@ class _Errors:
         return happens
 
     def _lamp(self, lamp: NDArray[np.uint8], who: UInts, whom: UInts, frame: int) -> NDArray[np.uint8]:
-        missed = (lamp > 0) & self._happens("lamp_miss", self._camera.lamp_miss, who, whom, frame)
+        missed = self._happens("lamp_miss", self._camera.lamp_miss, who, whom, frame)
         imagined = (lamp == 0) & self._happens("lamp_false", self._camera.lamp_false, who, whom, frame)
-        seen = lamp.copy()
-        seen[missed] = 0
-        seen[imagined] = 1
-        return seen
+        return np.where(imagined, np.uint8(1), np.where(missed, np.uint8(0), lamp))
 
     def _range_m(self, view: _View, who: UInts, whom: UInts, frame: int) -> NDArray[np.float32]:
         if self._camera.range_noise_m == 0:

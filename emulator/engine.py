@@ -19,6 +19,7 @@ from heapq import heappop, heappush
 from typing import Any
 
 import numpy as np
+import orjson
 from msgspec import Raw
 from numpy.typing import NDArray
 
@@ -271,9 +272,15 @@ class Engine:
         self._record(self._parts.recorder.truth, now, record)
 
     def _take_entry(self, robot: int, now: int, entry: LogEntry) -> None:
-        self._record(self._parts.recorder.entry, now, robot, entry.name, entry.data)
+        try:
+            data = orjson.loads(entry.text)
+        except orjson.JSONDecodeError as error:
+            raise RobotFailure(self._parts.robots[robot], f"logged what is no JSON: {error}") from None
+        if not isinstance(data, dict):
+            raise RobotFailure(self._parts.robots[robot], f"logged a {type(data).__name__} instead of an object")
+        self._record(self._parts.recorder.entry, now, robot, entry.name, entry.text)
         stop = self._parts.stop
-        if stop is not None and entry.name == stop.entry and entry.data.get(stop.field) is True:
+        if stop is not None and entry.name == stop.entry and data.get(stop.field) is True:
             self._fulfilled.add(robot)
 
     def _end(self, robot: int, now: int, why: str) -> None:

@@ -156,8 +156,8 @@ def team_ids(settings: Settings) -> list[str]:
         return [robot.id for robot in settings.robot]
     if isinstance(settings.robots, list):
         return list(settings.robots)
-    width = max(2, len(str(settings.robots - 1)))
-    return [f"r{number:0{width}d}" for number in range(settings.robots)]
+    # The same robot has the same id in a team of any size: draws are made by id.
+    return [f"r{number:02d}" for number in range(settings.robots)]
 
 
 def area_m(settings: Settings) -> Vector:

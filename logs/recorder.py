@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+import orjson
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from numpy.typing import NDArray
 
@@ -91,6 +92,7 @@ class Recorder:
         self._robot_array = np.array(self._robots, dtype=object)
         self._scene = SceneEncoder(self._robots, arena_m)
         self._links = np.zeros((len(self._robots), len(self._robots)), dtype=bool)
+        self._entry_heads: dict[tuple[int, str], bytes] = {}
         self._repeat_at_ns = 0
         self._now_ns = 0
         self._flush_at_ns = 0
@@ -180,19 +182,15 @@ class Recorder:
             return
         self._put(_CAMERA, capture_ns, encode_camera(capture, self._robots))
 
-    def entry(self, now_ns: int, robot: int, name: str, data: Mapping[str, Any]) -> None:
-        """Record what a behaviour logs, on /robot.
-
-        Raises ValueError for data that JSON cannot carry: bytes, keys that are no text, NaN, infinity.
-        """
+    def entry(self, now_ns: int, robot: int, name: str, text: bytes) -> None:
+        """Record what a behaviour logs, on /robot; `text` is a JSON object, and taken as it is."""
         if not self._ready(now_ns):
             return
-        record = {"robot": self._robots[robot], "entry": name, "data": data}
-        try:
-            encoded = encode_record(record)
-        except ValueError as error:
-            raise ValueError(f"log entry {name!r} of {self._robots[robot]}: {error}") from None
-        self._put(_ROBOT, now_ns, encoded)
+        head = self._entry_heads.get((robot, name))
+        if head is None:
+            start = orjson.dumps({"robot": self._robots[robot], "entry": name})
+            head = self._entry_heads[robot, name] = start[:-1] + b',"data":'
+        self._put(_ROBOT, now_ns, head + text + b"}")
 
     def truth(self, now_ns: int, record: Mapping[str, Any]) -> None:
         """Record what no robot is told, on /truth. Raises ValueError for what JSON cannot carry."""
@@ -265,6 +263,9 @@ class Recorder:
             self._writer.register_channel(entry.name, entry.encoding, schema, {})
         for attachment in attachments:
             self._writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
+        # Schemas and channels are written with the first messages: have some at once.
+        self.note(0, "info", "heliograph", "recording begins")
+        self._writer.flush()
 
     def _ready(self, now_ns: int) -> bool:
         """Whether there is a file to write to; flushes what an earlier second has left."""

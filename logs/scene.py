@@ -71,6 +71,9 @@ class SceneEncoder:
         self._corners = np.zeros(len(robots), _CORNER)
         self._corners["head"] = bytes([5 << 3 | 2, _VECTOR_BYTES, 0x09])
         self._corners["y_tag"] = 0x11
+        one, other = np.triu_indices(len(robots), 1)
+        self._forth, self._back = one * len(robots) + other, other * len(robots) + one
+        self._pairs = np.stack((one, other), axis=1).astype("<u4")
         self._bodies = SceneUpdate(entities=[self._body(robot) for robot in robots])
         self._names = SceneUpdate(entities=[self._label(robot) for robot in robots])
 
@@ -94,12 +97,13 @@ class SceneEncoder:
     def links(self, now_ns: int, poses: NDArray[np.float64], links: NDArray[np.bool_]) -> bytes:
         """SceneUpdate with a line wherever `links` (N, N) is set in either direction."""
         entity = _stamp(1, now_ns) + _field(2, WORLD.encode()) + _field(3, b"links")
-        first, second = np.triu(links | links.T, 1).nonzero()
-        if len(first):
+        either = links.ravel()
+        linked = np.flatnonzero(either.take(self._forth) | either.take(self._back))
+        ends = self._pairs.take(linked, axis=0)
+        if len(ends):
             self._corners["x"] = poses[:, 0].astype(np.float32)
             self._corners["y"] = poses[:, 1].astype(np.float32)
-            ends = np.stack((first, second), axis=1).astype("<u4").tobytes()
-            line = self._line_head + self._corners.tobytes() + self._line_tail + _field(8, ends)
+            line = self._line_head + self._corners.tobytes() + self._line_tail + _field(8, ends.tobytes())
             entity += _field(11, line)
         return _field(2, entity)
 

@@ -48,5 +48,5 @@ class QueueGate:
     reason = Reason.queue_full
 
     def refuses(self, batch: Batch) -> Bools | None:
-        """(T, 1)"""
+        """(T, 1)."""
         return batch.refused[:, None] if np.count_nonzero(batch.refused) else None

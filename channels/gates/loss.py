@@ -20,7 +20,7 @@ class LossGate:
         self._draws = Draws(seed, "loss")
 
     def refuses(self, batch: Batch) -> Bools:
-        """(T, N)"""
+        """(T, N)."""
         lost: Bools = _per_receiver(self._draws, self._keys, batch) < self._probability
         return lost
 
@@ -34,7 +34,7 @@ class Jitter:
         self._draws = Draws(seed, "jitter")
 
     def delays_ns(self, batch: Batch) -> NDArray[np.int64]:
-        """(T, N)"""
+        """(T, N)."""
         return (_per_receiver(self._draws, self._keys, batch) * self._bound_ns).astype(np.int64)
 
 

@@ -18,7 +18,7 @@ class RangeGate:
         self._beyond: Bools | None = None
 
     def refuses(self, batch: Batch) -> Bools:
-        """(T, N)"""
+        """(T, N)."""
         positions = batch.positions
         # Robots that move bring new positions every instant, and few of them speak: only their rows
         # are computed. Positions that come a second time stay, and are worth the whole matrix.

@@ -13,7 +13,7 @@ class ReceiverGate:
     reason = Reason.receiver_down
 
     def refuses(self, batch: Batch) -> Bools | None:
-        """(1, N)"""
+        """(1, N)."""
         if np.count_nonzero(batch.listening) == len(batch.listening):
             return None
         return ~batch.listening[None, :]

@@ -19,7 +19,7 @@ class LengthGate:
         self._schedule = schedule
 
     def refuses(self, batch: Batch) -> Bools | None:
-        """(T, 1)"""
+        """(T, 1)."""
         fits: Bools = self._schedule.fits(batch.airtimes_ns)
         return None if fits.all() else ~fits[:, None]
 
@@ -34,7 +34,7 @@ class SlotGate:
         self._slots = np.array(slots, dtype=np.int64)
 
     def refuses(self, batch: Batch) -> Bools | None:
-        """(T, 1)"""
+        """(T, 1)."""
         slots = self._slots[batch.senders]
         inside: Bools = self._schedule.inside(slots, batch.now_ns, batch.airtimes_ns)
         return None if inside.all() else ~inside[:, None]

@@ -67,8 +67,8 @@ FAULTS = {
         "robot r01 failed: TypeError: a object cannot be sent or logged",
     ),
     "logs what has no form": (
-        "    robot.log('odd', {'inner': {1: 2}})",
-        "robot r01",
+        "    robot.log('odd', {'inner': {(1, 2): object()}})",
+        "robot r01 failed: TypeError: ",
     ),
     "drives without wheels": (
         "    robot.body.drive(1.0, 0.0)",

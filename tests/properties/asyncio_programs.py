@@ -24,20 +24,23 @@ def programs(ticks: st.SearchStrategy[int]) -> st.SearchStrategy[Program]:
     """Programs of up to four tasks whose delays are drawn from `ticks`."""
     small = st.integers(0, 1)
     timed = st.tuples(st.sampled_from(["sleep", "later", "at", "hold"]), ticks)
-    simple = (
+    simple: st.SearchStrategy[Op] = (
         timed
         | st.tuples(st.sampled_from(["put", "get", "set", "clear", "wait"]), small)
         | st.tuples(st.sampled_from(["soon", "drop", "notify", "await_notify", "fail", "generate", "sleep0"]))
         | st.tuples(st.just("cancel"), st.integers(0, MAX_TASKS - 1))
     )
-    ops = st.lists(simple, min_size=1, max_size=4).map(tuple)
+    ops = _sequence(simple, 4)
     for _ in range(2):
         block = st.tuples(st.sampled_from(["timeout", "wait_for"]), ticks, ops)
-        fork = st.tuples(
-            st.sampled_from(["group", "gather", "wait_all"]), st.lists(ops, min_size=1, max_size=3)
-        )
-        ops = st.lists(timed | simple | block | fork, min_size=1, max_size=5).map(tuple)
-    return st.lists(ops, min_size=1, max_size=MAX_TASKS).map(tuple)
+        children = st.lists(ops, min_size=1, max_size=3)
+        fork = st.tuples(st.sampled_from(["group", "gather", "wait_all"]), children)
+        ops = _sequence(timed | simple | block | fork, 5)
+    return st.lists(ops, min_size=1, max_size=MAX_TASKS).map(lambda tasks: tuple(tasks))
+
+
+def _sequence(op: st.SearchStrategy[Op], most: int) -> st.SearchStrategy[tuple[Op, ...]]:
+    return st.lists(op, min_size=1, max_size=most).map(lambda ops: tuple(ops))
 
 
 def bursts() -> st.SearchStrategy[Op]:

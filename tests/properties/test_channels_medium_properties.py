@@ -20,7 +20,7 @@ TDMA = TdmaSettings(slot_s=0.010, guard_s=0.002)
 def situations(draw: st.DrawFn) -> dict[str, Any]:
     number = draw(st.integers(1, 6))
     speakers = draw(st.lists(st.integers(0, number - 1), max_size=6))
-    each = {"min_size": len(speakers), "max_size": len(speakers)}
+    each: dict[str, Any] = {"min_size": len(speakers), "max_size": len(speakers)}
     place = st.tuples(st.integers(-4, 4), st.integers(-4, 4))
     return {
         "robots": [f"r{index}" for index in range(number)],
@@ -58,7 +58,8 @@ def reasons(medium: Medium, situation: dict[str, Any]) -> list[list[int]]:
         np.array(situation["positions"], dtype=np.float64),
         np.array(situation["listening"], dtype=bool),
     )
-    return fates.reason.tolist()
+    rows: list[list[int]] = fates.reason.tolist()
+    return rows
 
 
 def expected_reason(situation: dict[str, Any], row: int, receiver: int) -> Reason:

@@ -205,9 +205,9 @@ def test_airtime_of_a_message_is_rounded_up() -> None:
     assert medium().airtime_ns(1000) == 0
     assert medium(bit_rate_bps=8_000).airtime_ns(10) == 10 * MS
     assert medium(bit_rate_bps=8_000, overhead_bits=8).airtime_ns(0) == 1 * MS
-    assert medium(bit_rate_bps=3e9).airtime_ns(1) == 3  # 8/3 ns
-    # 2 000 000 000 s, which no float holds to the nanosecond.
-    assert medium(bit_rate_bps=0.25, overhead_bits=500_000_000).airtime_ns(0) == 2 * 10**18
+    assert medium(bit_rate_bps=7e9).airtime_ns(1) == 2  # 8/7 ns
+    # Ten years, which a float does not hold to the nanosecond.
+    assert medium(bit_rate_bps=3, overhead_bits=10**9).airtime_ns(0) == 333_333_333_333_333_334
 
 
 def test_a_radio_works_through_its_queue() -> None:
@@ -233,7 +233,7 @@ def test_each_radio_has_a_queue_of_its_own() -> None:
 
 def test_unlimited_bandwidth_queues_nothing() -> None:
     radio = medium(queue=1)
-    assert [radio.admit(0, 5, 0) for _ in range(3)] == [5, 5, 5]
+    assert [radio.admit(0, 5, airtime_ns) for airtime_ns in (0, 10, 10)] == [5, 5, 5]
 
 
 def test_nobody_speaks() -> None:

@@ -26,7 +26,7 @@ def check_even(samples: list[NDArray[np.int64]]) -> None:
 
 
 def test_links_are_the_published_splitmix64() -> None:
-    # First outputs of SplitMix64 for seed 1234567, as the reference implementation (Vigna, splitmix64.c) prints them.
+    # First outputs for seed 1234567 of the reference implementation (Vigna, splitmix64.c).
     expected = [6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431]
     assert [_link(1234567, word) for word in range(4)] == expected
     assert np.asarray(_link(1234567, np.arange(4, dtype=np.uint64))).tolist() == expected

@@ -311,6 +311,7 @@ def test_a_new_track_does_not_take_the_id_of_one_that_ends() -> None:
         for in_view in (sees_b, sees_c, sees_b):
             entered, left = trackers.update(np.array([0]), in_view)
             assert len(entered) == 1
+            assert entered[0][1] > 0
             assert not left or left[0][1] != entered[0][1]
 
 

@@ -34,7 +34,7 @@ def robots(of: Settings) -> dict[str, RobotSpec]:
 
 @pytest.mark.parametrize(
     ("number", "first", "last"),
-    [(1, "r00", "r00"), (100, "r00", "r99"), (101, "r000", "r100"), (2000, "r0000", "r1999")],
+    [(1, "r00", "r00"), (100, "r00", "r99"), (101, "r00", "r100"), (2000, "r00", "r1999")],
 )
 def test_ids_by_number(number: int, first: str, last: str) -> None:
     ids = team_ids(settings(robots=number))
