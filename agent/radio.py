@@ -9,56 +9,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any
 
 from agent.outbox import Outbox
 from agent.waiting import Mailbox
-from channels.messages import Message, RadioPlan, Transmission, decode_payload, encode_payload
+from channels.messages import Message, RadioPlan, Transmission, encode_payload
 from channels.tdma import Schedule
 from channels.units import airtime_ns, to_s
 
 
 class MessageTooLong(ValueError):
     """A payload that can never be sent: over the scenario's limit, or longer than a slot."""
-
-
-class Received:
-    """One message as it was heard."""
-
-    __slots__ = ("_message", "_payload")
-
-    def __init__(self, message: Message) -> None:
-        self._message = message
-        self._payload: Any = _UNREAD
-
-    @property
-    def sender(self) -> str:
-        """Network address of the robot that sent it (the wireless id)."""
-        return self._message.sender
-
-    @property
-    def received_ns(self) -> int:
-        """Instant of reception by the robot's own clock [ns]."""
-        return self._message.received_ns
-
-    @property
-    def received_s(self) -> float:
-        """Instant of reception by the robot's own clock [s]."""
-        return to_s(self._message.received_ns)
-
-    @property
-    def payload(self) -> Any:
-        """What the sender broadcast. Raises channels.messages.MessageError where it is not msgpack."""
-        if self._payload is _UNREAD:
-            self._payload = decode_payload(self._message.payload)
-        return self._payload
-
-
-class _Unread:
-    pass
-
-
-_UNREAD = _Unread()
 
 
 class Radio:
@@ -68,7 +28,7 @@ class Radio:
         self._plan = plan
         self._outbox = outbox
         self._now_ns = now_ns
-        self._inbox: Mailbox[Received] = Mailbox()
+        self._inbox: Mailbox[Message] = Mailbox()
         self._access = SlotAccess(plan) if plan.slot_ns else None
 
     def broadcast(self, payload: object) -> bool:
@@ -91,18 +51,18 @@ class Radio:
         self._outbox.transmit(Transmission(start, raw))
         return True
 
-    async def receive(self) -> Received:
+    async def receive(self) -> Message:
         """The next message, waiting for it if none has arrived. Cancelling it loses nothing."""
         return await self._inbox.take()
 
-    def received(self) -> list[Received]:
+    def received(self) -> list[Message]:
         """All messages that have arrived and were not taken yet, oldest first; never waits."""
         return self._inbox.take_all()
 
     def __aiter__(self) -> Radio:
         return self
 
-    async def __anext__(self) -> Received:
+    async def __anext__(self) -> Message:
         return await self._inbox.take()
 
     @property
@@ -112,7 +72,7 @@ class Radio:
 
     def deliver(self, messages: list[Message]) -> None:
         """Called by the link: messages that have arrived, oldest first."""
-        self._inbox.deliver([Received(message) for message in messages])
+        self._inbox.deliver(messages)
 
 
 class SlotAccess:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,8 @@ from agent.drivers.body import Body
 from agent.drivers.camera import Camera, Frame
 from agent.drivers.lamp import Lamp
 from agent.outbox import Outbox
-from agent.radio import Radio, Received
-from channels.messages import Hello, LogEntry, encode_entry
+from agent.radio import Radio
+from channels.messages import Hello, LogEntry, Message, encode_entry
 from channels.units import to_ns, to_s
 
 
@@ -77,7 +78,7 @@ class Observation:
 
     __slots__ = ("frames", "heard")
 
-    def __init__(self, heard: list[Received], frames: list[Frame]) -> None:
+    def __init__(self, heard: list[Message], frames: list[Frame]) -> None:
         self.heard = heard
         """Radio messages, in order of arrival."""
         self.frames = frames
@@ -86,6 +87,13 @@ class Observation:
     def heard_from(self) -> set[str]:
         """Network addresses of the robots heard in this step."""
         return {message.sender for message in self.heard}
+
+    def lit(self) -> set[int]:
+        """Visual ids of the robots whose lamp was on in any frame of this step."""
+        lit: set[int] = set()
+        for frame in self.frames:
+            lit.update(compress(frame.visual_ids, frame.lamps))
+        return lit
 
     def lamps(self) -> dict[int, int]:
         """Visual id -> brightest lamp colour over the frames of this step (0: seen, never lit)."""

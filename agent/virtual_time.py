@@ -37,7 +37,7 @@ When it can be wrong:
   been delivered, is a deadlock: `run_until_idle` blocks.
 - `call_soon_threadsafe` (`run_coroutine_threadsafe`) from a thread takes effect whenever the thread gets
   there: with two threads at work, or from a thread that this loop did not start, the order is a race of
-  wall time. Sockets, pipes, subprocesses and signals are the same.
+  wall time. Sockets, pipes and subprocesses are the same; signal handlers are refused.
 - The order of a set of futures or coroutines is that of memory addresses (`asyncio.as_completed` given
   coroutines, the order in which `shutdown_asyncgens` closes generators). Pass tasks, close generators.
 - What the garbage collector does (an abandoned asynchronous generator in a reference cycle) happens when
@@ -54,11 +54,12 @@ import selectors
 import sys
 import threading
 from asyncio.events import _get_running_loop, _set_running_loop
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from contextvars import Context, copy_context
-from itertools import count, repeat
+from itertools import repeat
 from typing import Any, NoReturn, TypeVar, TypeVarTuple, Unpack
 
+from agent.numbered_tasks import numbered_tasks
 from channels.units import MAX_TIME_NS, NS_PER_S, to_s
 
 _T = TypeVar("_T")
@@ -76,27 +77,6 @@ _REBUILD_FROM_CANCELLED = 0.5
 _DEFAULT_WORKERS = 32
 
 _new: Any = object.__new__
-
-
-class NumberedTask(asyncio.Task[Any]):
-    """A task that hashes by a number instead of its address, so that sets of tasks are reproducible."""
-
-    def __init__(self, number: int, coro: Coroutine[Any, Any, Any], **options: Any) -> None:
-        self._number = number
-        super().__init__(coro, **options)
-
-    def __hash__(self) -> int:
-        return self._number
-
-
-def numbered_tasks() -> Callable[..., NumberedTask]:
-    """Make a task factory (for `loop.set_task_factory`) that numbers its tasks 0, 1, 2, ..."""
-    numbers = count()
-
-    def make(loop: asyncio.AbstractEventLoop, coro: Coroutine[Any, Any, Any], **options: Any) -> NumberedTask:
-        return NumberedTask(next(numbers), coro, loop=loop, **options)
-
-    return make
 
 
 class _Timer(asyncio.TimerHandle):

@@ -9,9 +9,11 @@ Gates are asked in this order, and the first that refuses a receiver names the r
     receiver        receiver_down   the receiver's radio is off
     loss            loss            chance
 
-Length comes before slot because what fits no slot lies inside none. The medium owns no clock and no
-socket: it is told the instant, and everything it says is a function of its arguments, the settings and
-the seed. Only `admit` remembers: what the senders' radios are busy with.
+Length comes before slot because what fits no slot lies inside none. TDMA settings count where access is
+TDMA; under ideal access they are ignored, so that one word in a scenario switches between the two.
+
+The medium owns no clock and no socket: it is told the instant, and everything it says is a function of
+its arguments, the settings and the seed. Only `admit` remembers: what the senders' radios are busy with.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from channels.fates import Batch, Bools, Fates, Floats, Gate, Ints, Reason
-from channels.gates.bandwidth import QueueGate, TransmitQueues, airtime_ns
+from channels.gates.bandwidth import QueueGate, TransmitQueues
 from channels.gates.loss import Jitter, LossGate
 from channels.gates.range import RangeGate
 from channels.gates.receiver import ReceiverGate
@@ -30,7 +32,7 @@ from channels.gates.tdma import LengthGate, SlotGate
 from channels.randomness import stable_keys
 from channels.settings import RadioSettings
 from channels.tdma import Schedule, schedule_of, slot_order
-from channels.units import to_ns
+from channels.units import airtime_ns, to_ns
 
 __all__ = ["Fates", "Medium", "Reason"]
 
@@ -73,7 +75,7 @@ class Medium:
 
     def airtime_ns(self, payload_bytes: int) -> int:
         """Time a message with so much payload occupies the sender's radio; 0 at unlimited bit rate."""
-        return airtime_ns(payload_bytes, self._settings.overhead_bits, self._settings.bit_rate_bps)
+        return airtime_ns(8 * payload_bytes + self._settings.overhead_bits, self._settings.bit_rate_bps)
 
     def admit(self, sender: int, now_ns: int, airtime_ns: int) -> int | None:
         """Hand a message to the sender's radio: the instant it starts (>= now), or None: queue full.

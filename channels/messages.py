@@ -23,6 +23,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from channels.settings import MAX_PAYLOAD_BYTES
+from channels.units import to_s
 
 PROTOCOL = 1
 MAX_REPORT_BYTES = 16 * 1024 * 1024
@@ -130,11 +131,24 @@ class Report(Struct, array_like=True, frozen=True, gc=False):
 
 
 class Message(Struct, array_like=True, frozen=True, gc=False):
-    """One radio message as a robot receives it."""
+    """One radio message as a robot receives it. Times by the receiver's own clock."""
 
     received_ns: int
+    """Instant of reception [ns]."""
     sender: str
-    payload: bytes
+    """Network address of the robot that sent it (the wireless id)."""
+    raw: bytes
+    """The payload as it went over the air."""
+
+    @property
+    def received_s(self) -> float:
+        """Instant of reception [s]."""
+        return to_s(self.received_ns)
+
+    @property
+    def payload(self) -> Any:
+        """What the sender broadcast. Raises MessageError where it is not msgpack."""
+        return decode_payload(self.raw)
 
 
 class WireFrame(Struct, array_like=True, frozen=True, gc=False):
@@ -171,15 +185,15 @@ class RawGrant(Struct, array_like=True, frozen=True, gc=False):
     pose: tuple[float, float, float] | None = None
 
 
-
-
 def _plain(value: object) -> object:
     """NumPy scalars and arrays travel as the plain numbers and lists they stand for."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):
         return value.tolist()
-    raise TypeError(f"a {type(value).__name__} cannot be sent or logged: use numbers, text, bytes, lists and dicts")
+    raise TypeError(
+        f"a {type(value).__name__} cannot be sent or logged: use numbers, text, bytes, lists and dicts"
+    )
 
 
 encode = msgspec.msgpack.Encoder(enc_hook=_plain).encode

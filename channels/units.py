@@ -6,8 +6,6 @@ asyncio reads them.
 
 from __future__ import annotations
 
-import math
-
 NS_PER_S = 1_000_000_000
 
 MAX_TIME_NS = 1_000_000 * NS_PER_S
@@ -25,5 +23,12 @@ def to_s(nanoseconds: int) -> float:
 
 
 def airtime_ns(bits: int, bit_rate_bps: float | None) -> int:
-    """Time a transmission of `bits` occupies the air, rounded up; 0 at unlimited bit rate (None)."""
-    return 0 if bit_rate_bps is None else math.ceil(bits * NS_PER_S / bit_rate_bps)
+    """Time a transmission of `bits`, overhead included, occupies the air [ns], rounded up.
+
+    Exact for any size: sender and medium agree on it to the nanosecond. 0 at unlimited bit rate (None).
+    """
+    if bit_rate_bps is None:
+        return 0
+    # A float is a ratio of integers, and only integers divide without rounding.
+    bits_numerator, seconds_denominator = bit_rate_bps.as_integer_ratio()
+    return -(-bits * NS_PER_S * seconds_denominator // bits_numerator)

@@ -195,15 +195,13 @@ class Engine:
     # --- robots ----------------------------------------------------------------------------------
 
     def _activate(self, now: int, due: list[int]) -> None:
-        parts = self._parts
-        poses = parts.world.poses(now)
-        grants = [(robot, self._grant(robot, now, poses)) for robot in due]
-        with parts.watch.section("exchange"):  # includes the recording below
-            reports = parts.fleet.exchange(grants, self._write_backlog)
-        self._record_refused(now)
-        self.progress.activations += len(due)
+        poses = self._parts.world.poses(now)
+        grants = ((robot, self._grant(robot, now, poses)) for robot in due)
+        reports = self._parts.fleet.exchange(grants, self._write_backlog)
         for robot, report in zip(due, reports, strict=True):
             self._apply(robot, now, report)
+        self.progress.activations += len(due)
+        self._record_refused(now)
         self._transmit(now)
 
     def _grant(self, robot: int, now: int, poses: Poses) -> bytes:

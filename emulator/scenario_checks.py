@@ -14,10 +14,9 @@ from typing import Any
 
 import msgspec
 
-from channels.gates.bandwidth import airtime_ns
 from channels.keys import ROBOT_ID
 from channels.settings import RadioSettings, TdmaSettings
-from channels.units import MAX_TIME_NS, NS_PER_S, to_ns
+from channels.units import MAX_TIME_NS, NS_PER_S, airtime_ns, to_ns
 from emulator.placement import Vector, heading_of
 from emulator.scenario import (
     MAX_SIDE_M,
@@ -154,7 +153,7 @@ def _check_slot(radio: RadioSettings, tdma: TdmaSettings) -> None:
 
 
 def _airtime_ns(radio: RadioSettings) -> int:
-    return airtime_ns(radio.max_payload_bytes, radio.overhead_bits, radio.bit_rate_bps)
+    return airtime_ns(8 * radio.max_payload_bytes + radio.overhead_bits, radio.bit_rate_bps)
 
 
 def _check_robot(settings: Settings, robot: RobotSettings) -> None:

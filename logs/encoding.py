@@ -1,24 +1,34 @@
-"""Records of the JSON topics as bytes, strictly: what JSON cannot say is refused or named, never bent."""
+"""Records of the JSON topics as bytes.
+
+Strictly: what JSON cannot say is refused, or shown as the bytes that came over the air, and never bent.
+What a behaviour logs arrives as JSON text and is embedded as it stands.
+"""
 
 from __future__ import annotations
 
 import base64
 import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any, TypeAlias
 
 import numpy as np
 import orjson
 from numpy.typing import NDArray
 
+from channels.fates import Reason
 from channels.messages import MessageError, decode_payload
 from channels.visual import Capture
+from logs.schemas import LOSSES
+
+Ints: TypeAlias = "Sequence[int] | NDArray[np.integer[Any]]"
 
 # Dates and the like have no form of their own in JSON: their owner is to choose one.
 _STRICT = orjson.OPT_PASSTHROUGH_DATETIME | orjson.OPT_PASSTHROUGH_DATACLASS | orjson.OPT_PASSTHROUGH_SUBCLASS
 # A msgpack float that is infinite or no number starts like this; so may other bytes, hence "may".
 _MAY_BE_NON_FINITE = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]|\xca[\x7f\xff][\x80-\xff]").search
+_IS_LOSS = np.isin(np.arange(256), list(LOSSES))
 
 
 def encode_record(record: Mapping[str, Any]) -> bytes:
@@ -33,23 +43,50 @@ def encode_record(record: Mapping[str, Any]) -> bytes:
     return encoded
 
 
-def encode_transmission(record: dict[str, Any], payload: bytes) -> bytes:
-    """A record of /radio as JSON, its field "payload" filled in with what the msgpack `payload` says.
+def embed_entry(robot: str, name: str, text: bytes) -> bytes:
+    """A record of /robot around the JSON object `text`, which is neither checked nor changed."""
+    return _entry_head(robot, name) + text + b"}"
 
-    Bytes in it become {"base64": text}; so does the whole payload where it is no msgpack or no JSON.
+
+def encode_transmissions(
+    robots: NDArray[np.object_],
+    senders: Ints,
+    seqs: Ints,
+    payloads: Sequence[bytes],
+    bits: Ints,
+    slots: Sequence[int | None],
+    airtimes_ns: Ints,
+    reasons: NDArray[np.uint8],
+    delays_ns: NDArray[np.int64],
+) -> Iterator[bytes]:
+    """Records of /radio as JSON, one per transmission; arguments as in `Recorder.radio_batch`.
+
+    `robots` (N,) are all ids. A payload is shown as what its msgpack says, with bytes in it as
+    {"base64": text}; so is the whole payload where it is no msgpack, or says what JSON cannot.
     """
-    try:
-        value = decode_payload(payload)
-        if _MAY_BE_NON_FINITE(payload) and _has_non_finite(value):
-            value = payload
-    except MessageError:
-        value = payload
-    record["payload"] = value
-    try:
-        return orjson.dumps(record, _base64, _STRICT)
-    except TypeError:
-        record["payload"] = payload
-        return orjson.dumps(record, _base64)
+    heard = reasons == Reason.delivered
+    receivers = robots[heard.nonzero()[1]].tolist()
+    delays = delays_ns[heard].tolist()
+    ends = np.cumsum(heard.sum(axis=1)).tolist()
+    columns = (
+        robots[np.asarray(senders, dtype=np.intp)].tolist(), _plain(seqs), payloads, _plain(bits), slots,
+        _plain(airtimes_ns), ends, _dropped(reasons, robots),
+    )  # fmt: skip
+    start = 0
+    for sender, seq, payload, size, slot, airtime_ns, end, dropped in zip(*columns, strict=True):
+        record = {
+            "from": sender,
+            "seq": seq,
+            "payload": None,
+            "bits": size,
+            "slot": slot,
+            "airtime_ns": airtime_ns,
+            "delivered": receivers[start:end],
+            "delay_ns": delays[start:end],
+            "dropped": dropped,
+        }
+        yield _with_payload(record, payload)
+        start = end
 
 
 def encode_camera(capture: Capture, robots: Sequence[str]) -> bytes:
@@ -70,6 +107,42 @@ def encode_camera(capture: Capture, robots: Sequence[str]) -> bytes:
         for observer, start, end in zip(capture.observers.tolist(), offsets[:-1], offsets[1:], strict=True)
     ]
     return orjson.dumps({"frames": frames})
+
+
+@lru_cache(maxsize=10_000)
+def _entry_head(robot: str, name: str) -> bytes:
+    return orjson.dumps({"robot": robot, "entry": name})[:-1] + b',"data":'
+
+
+def _dropped(reasons: NDArray[np.uint8], robots: NDArray[np.object_]) -> list[dict[str, list[str]]]:
+    """Per transmission the receivers in range that did not get it, by reason."""
+    dropped: list[dict[str, list[str]]] = [{} for _ in range(len(reasons))]
+    rows, columns = _IS_LOSS[reasons].nonzero()
+    if len(rows):
+        codes = reasons[rows, columns].tolist()
+        receivers = robots[columns].tolist()
+        for row, code, receiver in zip(rows.tolist(), codes, receivers, strict=True):
+            dropped[row].setdefault(LOSSES[code], []).append(receiver)
+    return dropped
+
+
+def _with_payload(record: dict[str, Any], payload: bytes) -> bytes:
+    try:
+        value = decode_payload(payload)
+        if _MAY_BE_NON_FINITE(payload) and _has_non_finite(value):
+            value = payload
+    except MessageError:
+        value = payload
+    record["payload"] = value
+    try:
+        return orjson.dumps(record, _base64, _STRICT)
+    except TypeError:
+        record["payload"] = payload
+        return orjson.dumps(record, _base64)
+
+
+def _plain(values: Ints) -> Sequence[int]:
+    return values.tolist() if isinstance(values, np.ndarray) else values
 
 
 def _rounded(values: NDArray[np.float32], digits: int) -> list[float]:

@@ -1,7 +1,8 @@
 """MCAP files as Heliograph writes them: the `mcap` library's Writer, on a file that stays readable.
 
-What is added to the library: a write that fails leaves none of its bytes behind, and the messages
-of each channel are digested as they pass.
+What is added to the library: a write that fails leaves none of its bytes behind, and the messages of
+each channel are digested as they pass. The library keeps schemas and channels back until the first
+chunk is closed: a file tells its topics only from there on, or by its summary.
 """
 
 from __future__ import annotations
@@ -10,9 +11,12 @@ import contextlib
 import hashlib
 import io
 from collections.abc import Mapping
+from pathlib import Path
 from typing import IO, Any, Protocol, cast
 
 from mcap.writer import CompressionType, Writer
+
+from logs import LogError
 
 CHUNK_BYTES = 256 * 1024
 """Uncompressed size at which a chunk is closed: bounds both the loss of a crash and a stall."""
@@ -32,6 +36,21 @@ class Output(Protocol):
 
     def close(self) -> None:
         """Close the file."""
+
+
+def open_log(path: Path, *, force: bool) -> Output:
+    """A new, unbuffered file; its directory is made. Raises LogError where that is not possible."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = f"{path.parent} is no directory and cannot be made one ({error.strerror})"
+        raise LogError(f"cannot write {path}: {reason}; choose another --out") from None
+    try:
+        return path.open("wb" if force else "xb", buffering=0)
+    except FileExistsError:
+        raise LogError(f"{path} exists; choose another --out or add --force") from None
+    except OSError as error:
+        raise LogError(f"cannot write {path}: {error.strerror}; choose another --out") from None
 
 
 class FileSink:
@@ -110,7 +129,8 @@ class McapWriter:
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema; returns its id."""
-        return self._writer.register_schema(name, encoding, data)
+        number: int = self._writer.register_schema(name, encoding, data)  # the library states no type
+        return number
 
     def register_channel(self, topic: str, encoding: str, schema_id: int, metadata: Mapping[str, str]) -> int:
         """Add a channel; returns its id."""
@@ -139,11 +159,11 @@ class McapWriter:
         """Close the open chunk, if it holds anything, and hand it to the operating system."""
         for digest in self._digests.values():
             digest.absorb()
-        self._writer.flush()
+        self._writer.flush()  # type: ignore[no-untyped-call] # the library states no types
 
     def finish(self) -> None:
         """Write the open chunk, the summary with all indexes, and the footer."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call] # the library states no types
 
     def close(self) -> None:
         """Close the file as it stands."""

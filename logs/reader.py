@@ -36,9 +36,9 @@ class LogReader:
     Raises LogError when the file is missing, no MCAP file, or not of the chunked kind written here.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | str) -> None:
         self.path = path
-        self._scan = McapScan(path)
+        self._scan = McapScan(Path(path))
         self.torn: bool = self._scan.torn
         """The file does not end as it should, or is damaged: `recover` makes it whole."""
         self.start_ns: int = self._scan.start_ns

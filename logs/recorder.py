@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-import orjson
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from numpy.typing import NDArray
 
@@ -22,11 +21,11 @@ from channels.units import NS_PER_S
 from channels.visual import Capture
 from logs import RESULT_METADATA, RUN_METADATA, Attachment, LogError, sha256_of
 from logs import schemas as topic
-from logs.encoding import encode_camera, encode_record, encode_transmission
-from logs.mcap_writer import FileSink, McapWriter, Output
+from logs.encoding import embed_entry, encode_camera, encode_record, encode_transmissions
+from logs.mcap_writer import FileSink, McapWriter, open_log
 from logs.scene import SceneEncoder
 
-__all__ = ["Attachment", "LogError", "Recorder", "open_log", "sha256_of"]
+__all__ = ["Attachment", "LogError", "Recorder", "sha256_of"]
 
 FLUSH_NS = NS_PER_S
 """At most this much virtual time is lost when the process is killed."""
@@ -44,23 +43,7 @@ _CHANNEL = {entry.name: number for number, entry in enumerate(topic.TOPICS, star
 _RADIO = _CHANNEL[topic.RADIO]
 _CAMERA = _CHANNEL[topic.CAMERA]
 _ROBOT = _CHANNEL[topic.ROBOT]
-
-_IS_LOSS = np.isin(np.arange(256), list(topic.LOSSES))
-
-
-def open_log(path: Path, *, force: bool) -> Output:
-    """A new, unbuffered file; its directory is made. Raises LogError where that is not possible."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = f"{path.parent} is no directory and cannot be made one ({error.strerror})"
-        raise LogError(f"cannot write {path}: {reason}; choose another --out") from None
-    try:
-        return path.open("wb" if force else "xb", buffering=0)
-    except FileExistsError:
-        raise LogError(f"{path} exists; choose another --out or add --force") from None
-    except OSError as error:
-        raise LogError(f"cannot write {path}: {error.strerror}; choose another --out") from None
+_LOG = _CHANNEL[topic.LOG]
 
 
 class Recorder:
@@ -81,7 +64,9 @@ class Recorder:
         attachments: Sequence[Attachment] = (),
         arena_m: tuple[float, float] = (10.0, 10.0),
     ) -> None:
-        """Create the file and write what is known at the start: `run`, all schemas, the attachments.
+        """Create the file and write what is known at the start: `run`, the attachments, all schemas.
+
+        A first record, on /log at 0, says that recording begins: with it all of this is on the disk.
 
         `force` replaces an existing file; `arena_m` scales the drawn robots. Raises LogError when the file
         exists or cannot be written, TypeError when `run` holds anything but text.
@@ -92,7 +77,6 @@ class Recorder:
         self._robot_array = np.array(self._robots, dtype=object)
         self._scene = SceneEncoder(self._robots, arena_m)
         self._links = np.zeros((len(self._robots), len(self._robots)), dtype=bool)
-        self._entry_heads: dict[tuple[int, str], bytes] = {}
         self._repeat_at_ns = 0
         self._now_ns = 0
         self._flush_at_ns = 0
@@ -151,46 +135,22 @@ class Recorder:
             return
         heard = reasons == Reason.delivered
         rows, columns = heard.nonzero()
-        self._links[np.asarray(senders)[rows], columns] = True
-        receivers = self._robot_array[columns].tolist()
-        delays = delays_ns[heard].tolist()
-        ends = np.cumsum(heard.sum(axis=1)).tolist()
-        dropped = self._dropped(reasons)
-        scalars = zip(
-            _plain(senders), _plain(seqs), payloads, _plain(bits), slots, _plain(airtimes_ns), ends, dropped,
-            strict=True,
-        )  # fmt: skip
-        start = 0
-        for sender, seq, payload, size, slot, airtime_ns, end, losses in scalars:
-            record = {
-                "from": self._robots[sender],
-                "seq": seq,
-                "payload": None,
-                "bits": size,
-                "slot": slot,
-                "airtime_ns": airtime_ns,
-                "delivered": receivers[start:end],
-                "delay_ns": delays[start:end],
-                "dropped": losses,
-            }
-            self._put(_RADIO, now_ns, encode_transmission(record, payload))
-            start = end
+        self._links[np.asarray(senders, dtype=np.intp)[rows], columns] = True
+        encoded = encode_transmissions(
+            self._robot_array, senders, seqs, payloads, bits, slots, airtimes_ns, reasons, delays_ns
+        )
+        for record in encoded:
+            self._put(_RADIO, now_ns, record)
 
     def camera(self, capture_ns: int, capture: Capture) -> None:
         """Record the frames of one exposure as one message on /camera."""
-        if not self._ready(capture_ns):
-            return
-        self._put(_CAMERA, capture_ns, encode_camera(capture, self._robots))
+        if self._ready(capture_ns):
+            self._put(_CAMERA, capture_ns, encode_camera(capture, self._robots))
 
     def entry(self, now_ns: int, robot: int, name: str, text: bytes) -> None:
         """Record what a behaviour logs, on /robot; `text` is a JSON object, and taken as it is."""
-        if not self._ready(now_ns):
-            return
-        head = self._entry_heads.get((robot, name))
-        if head is None:
-            start = orjson.dumps({"robot": self._robots[robot], "entry": name})
-            head = self._entry_heads[robot, name] = start[:-1] + b',"data":'
-        self._put(_ROBOT, now_ns, head + text + b"}")
+        if self._ready(now_ns):
+            self._put(_ROBOT, now_ns, embed_entry(self._robots[robot], name, text))
 
     def truth(self, now_ns: int, record: Mapping[str, Any]) -> None:
         """Record what no robot is told, on /truth. Raises ValueError for what JSON cannot carry."""
@@ -204,11 +164,8 @@ class Recorder:
         """Record a line for people, on /log: debug, info, warning, error or fatal; from a robot or part."""
         if level not in _LEVELS:
             raise ValueError(f"no log level {level!r}; there are {', '.join(_LEVELS)}")
-        if not self._ready(now_ns):
-            return
-        line = Log(level=_LEVELS[level], name=source, message=text)
-        line.timestamp.seconds, line.timestamp.nanos = divmod(now_ns, NS_PER_S)
-        self._put(_CHANNEL[topic.LOG], now_ns, line.SerializeToString())
+        if self._ready(now_ns):
+            self._put(_LOG, now_ns, _line(now_ns, level, source, text))
 
     def scene(self, now_ns: int, poses: NDArray[np.float64], lamps: NDArray[np.uint8]) -> None:
         """Record how things look now, with a line for every delivery since the last call.
@@ -263,8 +220,9 @@ class Recorder:
             self._writer.register_channel(entry.name, entry.encoding, schema, {})
         for attachment in attachments:
             self._writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
-        # Schemas and channels are written with the first messages: have some at once.
-        self.note(0, "info", "heliograph", "recording begins")
+        # Schemas and channels reach the file with the first message: there is to be one at once.
+        self._writer.add_message(_LOG, 0, _line(0, "info", "heliograph", "recording begins"), self._sequence)
+        self._sequence += 1
         self._writer.flush()
 
     def _ready(self, now_ns: int) -> bool:
@@ -300,17 +258,6 @@ class Recorder:
             raise ValueError(f"record for {name}: {error}") from None
         self._put(_CHANNEL[name], now_ns, encoded)
 
-    def _dropped(self, reasons: NDArray[np.uint8]) -> list[dict[str, list[str]]]:
-        """Per transmission the receivers that lost it, by reason."""
-        dropped: list[dict[str, list[str]]] = [{} for _ in range(len(reasons))]
-        rows, columns = _IS_LOSS[reasons].nonzero()
-        if len(rows):
-            codes = reasons[rows, columns].tolist()
-            receivers = self._robot_array[columns].tolist()
-            for row, code, receiver in zip(rows.tolist(), codes, receivers, strict=True):
-                dropped[row].setdefault(topic.LOSSES[code], []).append(receiver)
-        return dropped
-
     def _digests(self) -> dict[str, str]:
         digests = {}
         for name, channel in _CHANNEL.items():
@@ -334,5 +281,7 @@ def _check_texts(texts: Mapping[str, str]) -> None:
             raise TypeError(f"metadata is text, but {key!r} is {value!r}")
 
 
-def _plain(values: Sequence[int] | NDArray[np.integer[Any]]) -> Sequence[int]:
-    return values.tolist() if isinstance(values, np.ndarray) else values
+def _line(now_ns: int, level: str, source: str, text: str) -> bytes:
+    line = Log(level=_LEVELS[level], name=source, message=text)
+    line.timestamp.seconds, line.timestamp.nanos = divmod(now_ns, NS_PER_S)
+    return line.SerializeToString()

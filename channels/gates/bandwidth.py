@@ -1,4 +1,4 @@
-"""Bit rate and the transmit queue: how long a message takes, and whether it leaves its sender."""
+"""The transmit queue: when a message leaves its sender, and whether it does."""
 
 from __future__ import annotations
 
@@ -7,17 +7,6 @@ from collections import deque
 import numpy as np
 
 from channels.fates import Batch, Bools, Reason
-from channels.units import NS_PER_S
-
-
-def airtime_ns(payload_bytes: int, overhead_bits: int, bit_rate_bps: float | None) -> int:
-    """Time a message occupies the radio, rounded up to whole nanoseconds; 0 at unlimited bit rate."""
-    if bit_rate_bps is None:
-        return 0
-    # A float is a ratio of integers: dividing exactly keeps large messages free of rounding.
-    bits_numerator, seconds_denominator = bit_rate_bps.as_integer_ratio()
-    bits = 8 * payload_bytes + overhead_bits
-    return -(-bits * NS_PER_S * seconds_denominator // bits_numerator)
 
 
 class TransmitQueues:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Protocol
 
 from channels.messages import Hello, Report
@@ -24,11 +24,13 @@ class Fleet(Protocol):
         """Bring all robots up; returns when each has its behaviour. Raises RobotFailure."""
 
     def exchange(
-        self, grants: Sequence[tuple[int, bytes]], meanwhile: Callable[[], None]
-    ) -> list[Report]:
-        """Send (robot index, grant) each, call `meanwhile` once, return the reports in that order.
+        self, grants: Iterable[tuple[int, bytes]], meanwhile: Callable[[], None]
+    ) -> Iterator[Report]:
+        """Send (robot index, grant) each, call `meanwhile` once, yield the reports in that order.
 
-        Raises RobotFailure for the first robot, in robot order, that fails to answer.
+        Robots compute while later grants are made and earlier reports are used. Raises RobotFailure
+        in the place of the report that a robot fails to give: what came before it is the same in
+        every run.
         """
 
     @property

@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -47,12 +47,13 @@ class InProcessFleet:
         self._watchdog.start()
 
     def exchange(
-        self, grants: Sequence[tuple[int, bytes]], meanwhile: Callable[[], None]
-    ) -> list[Report]:
-        """One robot after the other; the first that fails ends it."""
-        reports = [self._ask(robot, grant) for robot, grant in grants]
+        self, grants: Iterable[tuple[int, bytes]], meanwhile: Callable[[], None]
+    ) -> Iterator[Report]:
+        """One robot after the other, each when its report is asked for."""
+        granted = list(grants)
         meanwhile()
-        return reports
+        for robot, grant in granted:
+            yield self._ask(robot, grant)
 
     def _ask(self, robot: int, grant: bytes) -> Report:
         self._watchdog.since = time.monotonic()

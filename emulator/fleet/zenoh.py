@@ -14,9 +14,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 import zenoh
 
@@ -28,6 +28,7 @@ from channels.messages import (
     Grant,
     Hello,
     MessageError,
+    Ready,
     Report,
     decode_ready,
     decode_report,
@@ -37,6 +38,8 @@ from emulator.errors import UserError
 from emulator.fleet import RobotFailure
 from emulator.fleet.access import access_control
 from emulator.fleet.supervisor import Supervisor
+
+Answer = TypeVar("Answer", Ready, Report)
 
 SUPERVISOR = "_supervisor"
 """Stands for a robot on the key of bad news; no robot can be called so."""
@@ -68,6 +71,7 @@ class ZenohFleet:
         self._robots: list[str] = []
         self._index: dict[str, int] = {}
         self._numbers: list[int] = []
+        self._gone: set[int] = set()
         self.pids: list[int] = []
         self.refused: list[tuple[int, str]] = []
         self._clock = _AnswerClock(answer_timeout_s, self._tell_overdue)
@@ -98,27 +102,28 @@ class ZenohFleet:
         everyone = range(len(hellos))
         self._clock.start()
         with self._clock:
-            self._gather(everyone, self._take_ready)
+            for _ in self._answers(everyone, self._take_ready):
+                pass
         for publisher, hello in zip(self._grants, hellos, strict=True):
             publisher.put(encode(hello))
         with self._clock:
-            answers = self._gather(everyone, self._take_report)
-        for robot, report in answers.items():
-            if report is not None and report.ended:
-                raise RobotFailure(self._robots[robot], f"cannot start: {report.ended}")
+            for robot, report in zip(everyone, self._answers(everyone, self._take_report), strict=True):
+                if report.ended:
+                    raise RobotFailure(self._robots[robot], f"cannot start: {report.ended}")
 
     def exchange(
-        self, grants: Sequence[tuple[int, bytes]], meanwhile: Callable[[], None]
-    ) -> list[Report]:
-        """Put all grants, then wait for as many reports."""
+        self, grants: Iterable[tuple[int, bytes]], meanwhile: Callable[[], None]
+    ) -> Iterator[Report]:
+        """Put each grant as soon as it is made, then yield each report as soon as its turn comes."""
         publishers, numbers = self._grants, self._numbers
+        granted: list[int] = []
         with self._clock:
             for robot, grant in grants:
                 numbers[robot] += 1
                 publishers[robot].put(grant)
+                granted.append(robot)
             meanwhile()
-            reports = self._gather([robot for robot, _ in grants], self._take_report)
-        return [reports[robot] for robot, _ in grants]  # type: ignore[misc]
+            yield from self._answers(granted, self._take_report)
 
     def last_output(self, robot: str) -> list[str]:
         """The last lines a robot wrote; complete once the fleet is closed."""
@@ -131,7 +136,7 @@ class ZenohFleet:
             self._say_goodbye()
         self._supervisor.close()
         if self._session is not None:
-            self._session.close()
+            self._session.close()  # type: ignore[no-untyped-call]
             self._session = None
         shutil.rmtree(self._socket_folder, ignore_errors=True)
 
@@ -164,38 +169,46 @@ class ZenohFleet:
             os.close(descriptor)
         return self._session
 
-    def _gather(
-        self, robots: Sequence[int], take: Callable[[int, bytes], Report | None]
-    ) -> dict[int, Report | None]:
-        """One message of each robot, whatever the order they come in."""
-        awaited = set(robots)
-        answers: dict[int, Report | None] = {}
-        receive, try_receive = self._reports.recv, self._reports.try_recv
-        index = self._index
-        while awaited:
-            sample = receive()
-            while sample is not None:
-                robot = index.get(robot_of(str(sample.key_expr)))
-                raw = sample.payload.to_bytes()
-                if robot is None:
-                    self._hear_bad_news(raw, awaited)
-                elif robot in awaited:
-                    try:
-                        answers[robot] = take(robot, raw)
-                        awaited.discard(robot)
-                    except MessageError as error:
-                        self.refused.append((robot, str(error)))
-                else:
-                    self.refused.append((robot, "a message nobody had asked for"))
-                if not awaited:
-                    break
-                sample = try_receive()
-        return answers
+    def _answers(self, robots: Sequence[int], take: Callable[[int, bytes], Answer]) -> Iterator[Answer]:
+        """One message of each robot, in the order given, whatever the order they come in.
 
-    def _take_ready(self, _robot: int, raw: bytes) -> None:
+        Raises RobotFailure in the place of the first robot that will not answer.
+        """
+        awaited = set(robots)
+        answers: dict[int, Answer] = {}
+        for robot in robots:
+            while robot not in answers:
+                self._receive(robot, awaited, answers, take)
+            yield answers.pop(robot)
+
+    def _receive(
+        self, robot: int, awaited: set[int], answers: dict[int, Answer], take: Callable[[int, bytes], Answer]
+    ) -> None:
+        """Wait for news, then take all that has come. `robot` is the one whose turn it is."""
+        if robot in self._gone:
+            name = self._robots[robot]
+            raise RobotFailure(name, self._supervisor.cause_of_end(name))
+        sample: zenoh.Sample | None = self._reports.recv()
+        while sample is not None:
+            sender = self._index.get(robot_of(str(sample.key_expr)))
+            raw = sample.payload.to_bytes()
+            if sender is None:
+                self._hear_bad_news(raw, robot)
+            elif sender in awaited:
+                try:
+                    answers[sender] = take(sender, raw)
+                    awaited.discard(sender)
+                except MessageError as error:
+                    self.refused.append((sender, str(error)))
+            else:
+                self.refused.append((sender, "a message nobody had asked for"))
+            sample = self._reports.try_recv()
+
+    def _take_ready(self, _robot: int, raw: bytes) -> Ready:
         ready = decode_ready(raw)
         if ready.protocol != PROTOCOL:
             raise MessageError(f"speaks protocol {ready.protocol}, this broker {PROTOCOL}")
+        return ready
 
     def _take_report(self, robot: int, raw: bytes) -> Report:
         report = decode_report(raw)
@@ -203,15 +216,13 @@ class ZenohFleet:
             raise MessageError(f"answers grant {report.number} instead of {self._numbers[robot]}")
         return report
 
-    def _hear_bad_news(self, news: bytes, awaited: set[int]) -> None:
-        """Raise RobotFailure where the news concerns somebody we wait for."""
-        for robot in sorted(awaited):
-            name = self._robots[robot]
-            if self._supervisor.has_exited(name):
-                raise RobotFailure(name, self._supervisor.cause_of_end(name))
+    def _hear_bad_news(self, news: bytes, robot: int) -> None:
+        """Remember whose process is gone. Raises RobotFailure where `robot` lets us wait too long."""
         if news == OVERDUE and self._clock.overdue():
-            first = min(awaited)
-            raise RobotFailure(self._robots[first], self._why_overdue(first))
+            raise RobotFailure(self._robots[robot], self._why_overdue(robot))
+        self._gone = {
+            index for index, name in enumerate(self._robots) if self._supervisor.has_exited(name)
+        }
 
     def _why_overdue(self, robot: int) -> str:
         refused = [why for who, why in self.refused if who == robot]

@@ -1,0 +1,1 @@
+"""What an activation costs, measured against the floor; `python -m tests.bench`. Asserts nothing."""

@@ -41,7 +41,7 @@ def intruder(fleet: ZenohFleet) -> Iterator[zenoh.Session]:
 
 
 def exchange(fleet: ZenohFleet, number: int, robots: tuple[int, ...] = (0, 1)) -> list[Report]:
-    return fleet.exchange([(robot, encode(RawGrant(number, number))) for robot in robots], nothing)
+    return list(fleet.exchange([(robot, encode(RawGrant(number, number))) for robot in robots], nothing))
 
 
 def test_a_robot_hears_nothing_that_is_for_others(fleet: ZenohFleet, intruder: zenoh.Session) -> None:
@@ -102,6 +102,6 @@ async def main(robot):
         fleet.start([Hello("r00", "rogue.py:main", {}, 1, 0, (0.0, 0.0, 0.0), RadioPlan(9, 0, None, 1), 1)])
         exchange(fleet, 1, (0,))
         with pytest.raises(RobotFailure, match="1 malformed messages were refused, the last: "):
-            fleet.exchange([(0, encode(RawGrant(2, 2 * 10**9)))], nothing)
+            list(fleet.exchange([(0, encode(RawGrant(2, 2 * 10**9)))], nothing))
     finally:
         fleet.close()

@@ -10,7 +10,8 @@ from functools import partial
 from hypothesis import HealthCheck, assume, given, reject, settings
 from hypothesis import strategies as st
 
-from agent.virtual_time import GrantedTimeLoop, numbered_tasks
+from agent.numbered_tasks import numbered_tasks
+from agent.virtual_time import GrantedTimeLoop
 from tests.properties.asyncio_programs import Op, Player, Program, bursts, programs
 
 TICK_S = 0.1

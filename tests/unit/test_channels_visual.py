@@ -13,7 +13,8 @@ import pytest
 
 from channels.randomness import Draws, stable_key, stable_keys
 from channels.settings import CameraSettings
-from channels.visual import Capture, VisualChannel, _Trackers
+from channels.trackers import Trackers
+from channels.visual import Capture, VisualChannel
 
 ROBOTS = ["a", "b", "c", "d"]
 SCENE = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0], [-5.0, 0.0, 0.0]])
@@ -291,7 +292,7 @@ def test_visual_ids_that_collide_are_drawn_again() -> None:
     collisions = 0
     for seed in range(20):
         draws = Draws(seed, "visual_id")
-        trackers = _Trackers(keys, draws, id_bits=3)
+        trackers = Trackers(keys, draws, id_bits=3)
         entered, _ = trackers.update(observers, strangers)
         for observer in range(7):
             named = trackers.ids[observer][strangers[observer]].tolist()
@@ -307,7 +308,7 @@ def test_a_new_track_does_not_take_the_id_of_one_that_ends() -> None:
     keys = stable_keys(["a", "b", "c"])
     sees_b, sees_c = np.array([[False, True, False]]), np.array([[False, False, True]])
     for seed in range(30):
-        trackers = _Trackers(keys, Draws(seed, "visual_id"), id_bits=2)
+        trackers = Trackers(keys, Draws(seed, "visual_id"), id_bits=2)
         for in_view in (sees_b, sees_c, sees_b):
             entered, left = trackers.update(np.array([0]), in_view)
             assert len(entered) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -86,7 +87,9 @@ def foreign(
     enable_data_crcs: bool = False,
     use_statistics: bool = True,
     repeat_channels: bool = True,
+    records: Iterable[tuple[int, bytes, int]] = ((5, b'{"x":1}', 9), (7, b"{}", 3)),
 ) -> Path:
+    """A log that this project did not write; `records`: log time [ns], data and sequence number."""
     with path.open("wb") as file:
         writer = Writer(
             file,
@@ -98,8 +101,8 @@ def foreign(
         )
         writer.start(library="other")
         channel = writer.register_channel("/a", "json", writer.register_schema("A", "jsonschema", b"{}"))
-        writer.add_message(channel, 5, b'{"x":1}', 5, sequence=9)
-        writer.add_message(channel, 7, b"{}", 7, sequence=3)
+        for log_time_ns, data, sequence in records:
+            writer.add_message(channel, log_time_ns, data, log_time_ns, sequence)
         writer.finish()  # type: ignore[no-untyped-call]
     return path
 
@@ -117,9 +120,11 @@ def test_a_damaged_chunk_ends_the_log_like_a_torn_tail(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap")
     with LogReader(path) as log:
         whole = list(log.raw())
-        assert len(log.chunks) == 3
+        assert len(log.chunks) == 4
     content = bytearray(path.read_bytes())
-    chunk = content.index(b"zstd", content.index(b"zstd") + 1)
+    chunk = -1
+    for _ in range(3):  # the chunk of the second 1
+        chunk = content.index(b"zstd", chunk + 1)
     content[chunk + 40] ^= 1
     path.write_bytes(content)
     with LogReader(path) as log:
@@ -147,7 +152,7 @@ def test_info_tells_what_is_inside(tmp_path: Path) -> None:
     assert (summary["scenario"], summary["seed"], summary["version"]) == ("two words", "7", None)
     assert (summary["complete"], summary["torn"], summary["lost_bytes"]) == (True, False, 0)
     assert (summary["duration_s"], summary["end_s"]) == (2.5, 2.5)
-    assert (summary["chunks"], summary["compression"], summary["library"]) == (3, "zstd", "heliograph")
+    assert (summary["chunks"], summary["compression"], summary["library"]) == (4, "zstd", "heliograph")
     assert summary["size_bytes"] == path.stat().st_size
     assert summary["topics"][0] == {
         "topic": "/radio",
@@ -167,10 +172,13 @@ def test_info_tells_what_is_inside(tmp_path: Path) -> None:
 def test_info_tells_torn_aborted_and_empty_logs(tmp_path: Path) -> None:
     assert "torn: " in format_info(info(torn(tmp_path)))
     assert "aborted" in format_info(info(write(tmp_path / "aborted.mcap", finish=False)))
-    Recorder(tmp_path / "empty.mcap", ROBOTS).abort()
-    summary = info(tmp_path / "empty.mcap")
-    assert (summary["messages"], summary["chunks"], summary["compression_ratio"]) == (0, 0, None)
-    assert "0 msgs" in format_info(summary)
+    Recorder(tmp_path / "fresh.mcap", ROBOTS).abort()
+    fresh = info(tmp_path / "fresh.mcap")
+    assert (fresh["messages"], fresh["chunks"], fresh["duration_s"]) == (1, 1, 0)
+    empty = info(foreign(tmp_path / "empty.mcap", records=()))
+    assert (empty["messages"], empty["chunks"], empty["compression_ratio"]) == (0, 0, None)
+    for summary in (fresh, empty):
+        assert "0 msgs" in format_info(summary)
 
 
 def test_recovery_keeps_everything_that_is_left(tmp_path: Path) -> None:
@@ -220,18 +228,18 @@ def test_the_first_differing_field_is_named(tmp_path: Path) -> None:
     def steps(size: int) -> Path:
         def entries(recorder: Recorder) -> None:
             recorder.note(0, "info", "r00", "ready")
-            recorder.entry(S, 1, "guess", {"sizes": [1, 2]})
-            recorder.entry(2 * S, 1, "guess", {"sizes": [1, size], "more": size})
+            recorder.entry(S, 1, "guess", b'{"sizes":[1,2]}')
+            recorder.entry(2 * S, 1, "guess", b'{"sizes":[1,%d],"more":%d}' % (size, size))
 
         return write(tmp_path / f"{size}.mcap", entries)
 
     difference = first_difference(steps(4), steps(5))
     assert difference is not None
-    assert (difference.what, difference.index, difference.sequence) == ("/robot", 1, 2)
+    assert (difference.what, difference.index, difference.sequence) == ("/robot", 1, 3)
     assert (difference.log_time_ns, difference.field) == (2 * S, "$.data.sizes[1]")
     assert difference.left == {"robot": "r01", "entry": "guess", "data": {"sizes": [1, 4], "more": 4}}
     assert difference.format() == (
-        "first difference: /robot record 1 (sequence 2, at 2.000000000 s), field $.data.sizes[1]\n"
+        "first difference: /robot record 1 (sequence 3, at 2.000000000 s), field $.data.sizes[1]\n"
         "  left:  4\n"
         "  right: 5"
     )
@@ -242,7 +250,7 @@ def test_protobuf_records_are_shown_decoded(tmp_path: Path) -> None:
     b = write(tmp_path / "b.mcap", lambda recorder: recorder.note(0, "info", "r00", "steady"))
     difference = first_difference(a, b)
     assert difference is not None
-    assert (difference.what, difference.field) == ("/log", "$.message")
+    assert (difference.what, difference.index, difference.field) == ("/log", 1, "$.message")
     assert difference.format().endswith("left:  ready\n  right: steady")
 
 
@@ -265,9 +273,9 @@ def test_records_of_different_topics_are_told_apart(tmp_path: Path) -> None:
     difference = first_difference(a, b)
     assert difference is not None
     assert difference.format() == (
-        "first difference: /faults record 0 (sequence 0, at 0.000000000 s)\n"
-        '  left:  {"topic":"/faults","sequence":0,"log_time_ns":0,"record":{"kind":"x"}}\n'
-        '  right: {"topic":"/truth","sequence":0,"log_time_ns":0,"record":{"kind":"x"}}'
+        "first difference: /faults record 0 (sequence 1, at 0.000000000 s)\n"
+        '  left:  {"topic":"/faults","sequence":1,"log_time_ns":0,"record":{"kind":"x"}}\n'
+        '  right: {"topic":"/truth","sequence":1,"log_time_ns":0,"record":{"kind":"x"}}'
     )
 
 

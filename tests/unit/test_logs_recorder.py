@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import json
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ import databeam_mcap_reader
 import msgspec
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 
@@ -70,7 +72,7 @@ def write_everything(recorder: Recorder, seconds: int = 3) -> None:
         now_ns = second * S
         send(recorder, now_ns, msgspec.msgpack.encode({"step": second}), sender=second % 4)
         recorder.camera(now_ns, capture([0, 2], [0, 1, 2], [(11, 1.5, -0.25, 1), (12, 2.0, 3.0, 0)]))
-        recorder.entry(now_ns, second % 4, "guess", {"size": second, "sure": None})
+        recorder.entry(now_ns, second % 4, "guess", b'{"size":%d,"sure":null}' % second)
         recorder.truth(now_ns, {"kind": "visual ids", "entered": [[0, 11, 1]]})
         recorder.fault(now_ns, {"kind": "switched off", "robot": "r03"})
         recorder.note(now_ns, "warning", "r01", "a lamp is dark")
@@ -101,12 +103,16 @@ def test_the_official_validator_finds_nothing(tmp_path: Path, finish: bool) -> N
     assert doctor(write(tmp_path / "a.mcap", finish=finish)) == ""
 
 
-def test_the_official_validator_accepts_a_log_without_messages(tmp_path: Path) -> None:
+def test_a_run_in_which_nothing_happens_has_a_log_that_says_it_began(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", lambda recorder: None)
     assert doctor(path) == ""
     with LogReader(path) as log:
         assert log.complete
-        assert list(log.raw()) == []
+        ((topic, sequence, log_time_ns, data),) = log.raw()
+    assert (topic, sequence, log_time_ns) == ("/log", 0, 0)
+    line = Log.FromString(data)
+    assert (line.level, line.name, line.message) == (Log.INFO, "heliograph", "recording begins")
+    assert (line.timestamp.seconds, line.timestamp.nanos) == (0, 0)
 
 
 def test_the_official_validator_can_complain(tmp_path: Path) -> None:
@@ -209,7 +215,8 @@ def test_camera_frames_are_printed_short(tmp_path: Path) -> None:
         )
 
     with LogReader(write(tmp_path / "a.mcap", steps)) as log:
-        ((_, _, log_time_ns, data),) = log.raw({"/camera"})
+        ((_, sequence, log_time_ns, data),) = log.raw({"/camera"})
+    assert sequence == 1
     assert log_time_ns == 3
     assert data == (
         b'{"frames":['
@@ -222,17 +229,52 @@ def test_camera_frames_are_printed_short(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "data", [{"a": b"b"}, {"a": {1: 2}}, {"a": [float("nan")]}, {"a": float("inf"), "b": None}]
 )
-def test_entries_that_json_cannot_carry_are_refused_by_name(tmp_path: Path, data: dict[str, Any]) -> None:
+def test_records_that_json_cannot_carry_are_refused_by_name(tmp_path: Path, data: dict[str, Any]) -> None:
     with Recorder(tmp_path / "a.mcap", ROBOTS) as recorder:
-        with pytest.raises(ValueError, match="'guess' of r02"):
-            recorder.entry(0, 2, "guess", data)
         with pytest.raises(ValueError, match="/truth"):
             recorder.truth(0, data)
-        recorder.entry(0, 2, "guess", {"a": None, "b": "null"})
+        with pytest.raises(ValueError, match="/faults"):
+            recorder.fault(0, data)
+        recorder.truth(0, {"a": None, "b": "null"})
+        recorder.fault(0, {"a": None, "b": "null"})
     with LogReader(tmp_path / "a.mcap") as log:
-        assert [record for _, record in log.records("/robot")] == [
-            {"robot": "r02", "entry": "guess", "data": {"a": None, "b": "null"}}
-        ]
+        # A record that was refused leaves no gap in the sequence.
+        assert [sequence for _, sequence, _, _ in log.raw()] == [0, 1, 2]
+        for topic in ("/truth", "/faults"):
+            assert list(log.records(topic)) == [(0, {"a": None, "b": "null"})]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"{}",
+        b'{"guess":{"r01":7},"sure":null}',
+        b'{ "b" : 1e2,\n\t"a":[0.10, -0, 1.0] }',
+        b'{"same":1,"same":2}',
+        '{"name":"caf\\u00e9 \u00e9 \\"quoted\\" \\/"}'.encode(),
+        b'{"large":18446744073709551615}',
+    ],
+)
+def test_the_text_of_an_entry_is_embedded_verbatim(tmp_path: Path, text: bytes) -> None:
+    def steps(recorder: Recorder) -> None:
+        recorder.entry(7, 2, "guess", text)
+        recorder.entry(8, 3, 'a "name", \u00e9', text)
+        recorder.entry(9, 3, "guess", text)
+
+    with LogReader(write(tmp_path / "a.mcap", steps)) as log:
+        raw = [(log_time_ns, data) for _, _, log_time_ns, data in log.raw({"/robot"})]
+        records = list(log.records("/robot"))
+    assert raw == [
+        (7, b'{"robot":"r02","entry":"guess","data":' + text + b"}"),
+        (8, '{"robot":"r03","entry":"a \\"name\\", \u00e9","data":'.encode() + text + b"}"),
+        (9, b'{"robot":"r03","entry":"guess","data":' + text + b"}"),
+    ]
+    assert [(record["robot"], record["entry"]) for _, record in records] == [
+        ("r02", "guess"),
+        ("r03", 'a "name", \u00e9'),
+        ("r03", "guess"),
+    ]
+    assert all(record["data"] == json.loads(text) for _, record in records)
 
 
 def test_time_does_not_go_back_and_levels_are_known(tmp_path: Path) -> None:
@@ -277,6 +319,7 @@ def test_the_result_carries_count_and_digest_of_every_topic(tmp_path: Path) -> N
     for topic in (entry.name for entry in TOPICS):
         of_topic = [(time_ns, data) for name, _, time_ns, data in raw if name == topic]
         joined = b"".join(time_ns.to_bytes(8, "little") + data for time_ns, data in of_topic)
+        assert of_topic
         assert result[f"messages:{topic}"] == str(len(of_topic))
         assert result[f"sha256:{topic}"] == hashlib.sha256(joined).hexdigest()
 
@@ -303,6 +346,7 @@ def test_schemas_reach_the_disk_at_once_and_messages_with_the_next_second(tmp_pa
     with Recorder(path, ROBOTS, run=RUN) as recorder:
         with LogReader(path) as log:
             assert (log.torn, log.run, list(log.topics)) == (True, RUN, [entry.name for entry in TOPICS])
+            assert [(topic, sequence) for topic, sequence, _, _ in log.raw()] == [("/log", 0)]
         recorder.fault(S - 1, {"kind": "first"})
         with LogReader(path) as log:
             assert list(log.records("/faults")) == []
@@ -371,10 +415,11 @@ def test_a_disk_that_is_full_at_the_start_leaves_no_file(
 def test_chunks_close_by_size_within_a_second(tmp_path: Path) -> None:
     def steps(recorder: Recorder) -> None:
         for number in range(300):
-            recorder.entry(number, 0, "big", {"text": "x" * 1000})
+            recorder.entry(number, 0, "big", b'{"text":"%s"}' % (b"x" * 1000))
 
     with LogReader(write(tmp_path / "a.mcap", steps)) as log:
-        assert [size > 256 * 1024 for _, _, size in log.chunks] == [True, False]
+        # The first holds the schemas and the news that recording begins.
+        assert [size > 256 * 1024 for _, _, size in log.chunks] == [False, True, False]
         assert len(list(log.records("/robot"))) == 300
 
 

@@ -119,7 +119,7 @@ def test_notes_are_foxglove_log_lines(tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap", ROBOTS) as recorder:
         recorder.note(2 * S + 5, "error", "r2", "a wheel came off")
     with LogReader(tmp_path / "a.mcap") as log:
-        ((_, _, time_ns, data),) = log.raw()
+        _, (_, _, time_ns, data) = log.raw({"/log"})
     line = Log.FromString(data)
     assert time_ns == 2 * S + 5
     assert (line.timestamp.seconds, line.timestamp.nanos, line.level) == (2, 5, Log.ERROR)

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.virtual_time import GrantedTimeLoop, numbered_tasks
+from agent.numbered_tasks import numbered_tasks
+from agent.virtual_time import GrantedTimeLoop
 
 S = 1_000_000_000
 Trace = list[tuple[Any, int]]
@@ -616,19 +617,34 @@ def test_an_error_in_a_thread_is_raised_where_it_is_awaited(loop: GrantedTimeLoo
 
 
 def test_results_come_in_order_of_submission_one_by_one(loop: GrantedTimeLoop, trace: Trace) -> None:
-    second_done = threading.Event()
     note = noter(loop, trace)
+    submitted: concurrent.futures.Future[concurrent.futures.Future[None]] = concurrent.futures.Future()
 
-    async def behaviour(name: str, work: Callable[[], object]) -> None:
-        await asyncio.to_thread(work)
-        note(name)
+    class Recorder(concurrent.futures.ThreadPoolExecutor):
+        def submit(self, *args: Any) -> concurrent.futures.Future[Any]:  # type: ignore[override]
+            submission = super().submit(*args)
+            if args[0] is second:
+                submitted.set_result(submission)
+            return submission
+
+    def first() -> None:
+        concurrent.futures.wait([submitted.result()])
+        for _ in range(50):  # now the second is done and the loop is idle, again and again
+            asyncio.run_coroutine_threadsafe(asyncio.sleep(0), loop).result()
+
+    def second() -> None: ...
+
+    async def behaviour(work: Callable[[], None]) -> None:
+        await loop.run_in_executor(executor, work)
+        note(work.__name__)
         for _ in range(3):
             await asyncio.sleep(0)
-        note(f"{name} went on")
+        note(f"{work.__name__} went on")
 
-    loop.create_task(behaviour("first", second_done.wait))
-    loop.create_task(behaviour("second", second_done.set))
-    loop.run_until_idle()
+    with Recorder(2) as executor:
+        loop.create_task(behaviour(first))
+        loop.create_task(behaviour(second))
+        loop.run_until_idle()
     assert [what for what, _ in trace] == ["first", "first went on", "second", "second went on"]
 
 

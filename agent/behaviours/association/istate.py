@@ -29,17 +29,22 @@ class StationaryIState:
         """Visual ids in range (the columns of the paper's matrix), in order."""
         return list(self._candidates)
 
-    def update(self, active_wireless: Iterable[str], active_visual: Collection[int]) -> None:
+    def update(self, active_wireless: Iterable[str], active_visual: Collection[int]) -> bool:
         """Take in one time step: who spoke, who was lit (Def. 4). Ids it does not know are ignored.
 
         An edge stays exactly if both its ends were active or both were not (sec. 4.1).
+        Returns whether any edge was struck out.
         """
         active = 0
         for name in active_wireless:
             active |= self._bit.get(name, 0)
-        inactive = self._all & ~active
+        changed = False
         for visual_id, candidates in self._candidates.items():
-            self._candidates[visual_id] = candidates & (active if visual_id in active_visual else inactive)
+            left = candidates & (active if visual_id in active_visual else ~active)
+            if left != candidates:
+                self._candidates[visual_id] = left
+                changed = True
+        return changed
 
     def edges(self) -> dict[int, list[str]]:
         """Visual id -> wireless ids that may still be its own, in order."""

@@ -13,8 +13,10 @@ and `matches` (visual id -> wireless ids, visual id -> wireless id) and `complet
 
 from __future__ import annotations
 
+from typing import Any
+
 from agent.behaviours.association.istate import StationaryIState
-from agent.robot import Observation, Robot, Step
+from agent.robot import Robot, Step
 
 
 async def associate(robot: Robot) -> None:
@@ -24,15 +26,19 @@ async def associate(robot: Robot) -> None:
 
     first = await anext(steps)
     send_message_pair(robot, first)
-    istate = initial_istate(await first.observe())
-    log_istate(robot, 0, istate)
+    observed = await first.observe()
+    # Everybody has just sent a pair: whoever was heard and whoever was lit is in range.
+    istate = StationaryIState(observed.heard_from(), observed.lit())
+    knowledge = described(istate)
+    robot.log("association", {"step": 0, **knowledge})
 
     async for step in steps:
         if robot.rng.random() < probability:
             send_message_pair(robot, step)
-        observation = await step.observe()
-        istate.update(observation.heard_from(), lit(observation))
-        log_istate(robot, step.index - first.index, istate)
+        observed = await step.observe()
+        if istate.update(observed.heard_from(), observed.lit()):
+            knowledge = described(istate)
+        robot.log("association", {"step": step.index - first.index, **knowledge})
 
 
 def send_message_pair(robot: Robot, step: Step) -> None:
@@ -41,24 +47,6 @@ def send_message_pair(robot: Robot, step: Step) -> None:
     robot.lamp.flash(step)
 
 
-def initial_istate(observation: Observation) -> StationaryIState:
-    """Everybody has just sent a pair: whoever was heard and whoever was lit is in range."""
-    return StationaryIState(observation.heard_from(), lit(observation))
-
-
-def lit(observation: Observation) -> set[int]:
-    """Visual ids whose lamp was on in this step."""
-    return {visual_id for visual_id, colour in observation.lamps().items() if colour}
-
-
-def log_istate(robot: Robot, step: int, istate: StationaryIState) -> None:
-    """Record what is still possible and what is claimed. JSON wants text for keys."""
-    robot.log(
-        "association",
-        {
-            "step": step,
-            "edges": {str(visual_id): names for visual_id, names in istate.edges().items()},
-            "matches": {str(visual_id): name for visual_id, name in istate.matches().items()},
-            "complete": istate.is_final(),
-        },
-    )
+def described(istate: StationaryIState) -> dict[str, Any]:
+    """What is still possible and what is claimed, for the log."""
+    return {"edges": istate.edges(), "matches": istate.matches(), "complete": istate.is_final()}

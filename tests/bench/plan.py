@@ -1,0 +1,144 @@
+"""Which cells there are, which table needs which, and how they are sampled: in turn, several times."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from tests.bench.bare import measure_bare
+from tests.bench.floor import Sizes, measure_floor
+from tests.bench.measure import Figures, SampleFailed, in_fresh_process
+from tests.bench.product import measure_product, measure_sizes, measure_startup, sizes_of
+
+TEAMS = (10, 30, 100)
+LARGE_TEAM = 300
+
+
+@dataclass(frozen=True, order=True)
+class Cell:
+    """One thing that is measured, for one size of team."""
+
+    kind: str
+    robots: int
+
+    def __str__(self) -> str:
+        return f"{self.kind}, {self.robots} robots"
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured of everything."""
+
+    rounds: int
+    floor_activations: int
+    bare_activations: int
+    duration_s: dict[int, float]
+    """Virtual seconds of association by size of team."""
+    turns_duration_s: dict[int, float]
+
+
+FULL = Effort(3, 9000, 6000, {10: 240.0, 30: 120.0, 100: 60.0, 300: 60.0}, {10: 120.0, 30: 60.0, 100: 30.0})
+QUICK = Effort(1, 3000, 2000, {10: 60.0, 30: 30.0, 100: 20.0, 300: 12.0}, {10: 40.0, 30: 20.0, 100: 10.0})
+
+
+def _teams(*kinds: str) -> list[Cell]:
+    return [Cell(kind, robots) for robots in TEAMS for kind in kinds]
+
+
+NEEDS: dict[str, list[Cell]] = {
+    "activation": _teams("product", "bare", "floor", "in process", "turns"),
+    "realtime": [Cell("product", 100)],
+    "startup": [Cell("startup", 100)],
+    "recording": [Cell("product", 30), Cell("product", 100)],
+    "scaling": [Cell("product", 30), Cell("product", LARGE_TEAM)],
+    "switches": [Cell("product", 30), Cell("floor", 30), Cell("bare", 30)],
+}
+"""Cells by table."""
+
+
+@dataclass
+class Samples:
+    """All figures of all rounds."""
+
+    sizes: dict[Cell, Sizes] = field(default_factory=dict)
+    """Lengths of messages by workload (association or turns)."""
+    rounds: list[dict[Cell, Figures]] = field(default_factory=list)
+
+    def values(self, cell: Cell, name: str) -> list[float]:
+        """One figure of a cell over the rounds; shorter where samples failed."""
+        return [done[cell][name] for done in self.rounds if name in done.get(cell, {})]
+
+    def ratios(self, cell: Cell, name: str, of: Cell, of_name: str) -> list[float]:
+        """One figure over another of the same round, over the rounds."""
+        return [
+            done[cell][name] / done[of][of_name]
+            for done in self.rounds
+            if name in done.get(cell, {}) and done.get(of, {}).get(of_name)
+        ]
+
+
+class Bench:
+    """Samples cells."""
+
+    def __init__(self, effort: Effort) -> None:
+        self._effort = effort
+        self.samples = Samples()
+
+    def run(self, tables: Iterable[str]) -> Samples:
+        """Measure what these tables need. A sample that fails is told of and left out."""
+        cells = list(dict.fromkeys(cell for table in tables for cell in NEEDS[table]))
+        self._measure_sizes(cells)
+        for number in range(1, self._effort.rounds + 1):
+            done: dict[Cell, Figures] = {}
+            self.samples.rounds.append(done)
+            for cell in cells:
+                _say(f"round {number} of {self._effort.rounds}: {cell}")
+                try:
+                    done[cell] = self._measure(cell)
+                except SampleFailed as failure:
+                    print(f"\n{cell}: a sample failed and is left out\n{failure}", file=sys.stderr)
+        _say("")
+        return self.samples
+
+    def _measure_sizes(self, cells: Iterable[Cell]) -> None:
+        """How long messages are, for the floors among the cells: the same in every round."""
+        effort = self._effort
+        durations = {"association": effort.duration_s, "turns": effort.turns_duration_s}
+        for robots in sorted({cell.robots for cell in cells if cell.kind == "floor"}):
+            for workload, duration_s in durations.items():
+                cell = Cell(workload, robots)
+                _say(f"sizes of messages: {cell}")
+                figures = in_fresh_process(measure_sizes, workload, robots, duration_s[robots])
+                self.samples.sizes[cell] = sizes_of(figures)
+
+    def _measure(self, cell: Cell) -> Figures:
+        effort, robots = self._effort, cell.robots
+        match cell.kind:
+            case "product":
+                return in_fresh_process(
+                    measure_product, "association", robots, effort.duration_s[robots], "zenoh"
+                )
+            case "in process":
+                return in_fresh_process(
+                    measure_product, "association", robots, effort.duration_s[robots], "in_process"
+                )
+            case "turns":
+                return in_fresh_process(
+                    measure_product, "turns", robots, effort.turns_duration_s[robots], "zenoh"
+                )
+            case "bare":
+                return in_fresh_process(measure_bare, robots, effort.bare_activations)
+            case "floor":
+                sizes = self.samples.sizes
+                dense, turns = sizes[Cell("association", robots)], sizes[Cell("turns", robots)]
+                return in_fresh_process(measure_floor, robots, dense, turns, effort.floor_activations)
+            case "startup":
+                return in_fresh_process(measure_startup, robots)
+        raise ValueError(f"no cell is called {cell.kind}")
+
+
+def _say(what: str) -> None:
+    """Progress, on one line that is written over."""
+    if sys.stderr.isatty():
+        print(f"\r\033[K{what}", end="", file=sys.stderr, flush=True)

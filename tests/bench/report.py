@@ -1,0 +1,169 @@
+"""The tables of the bench: medians with their range over the rounds, and ratios within rounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from statistics import median
+
+from tests.bench.plan import LARGE_TEAM, TEAMS, Cell, Samples
+
+AIMS_OF_RATIO = {30: "<= 3", 100: "<= 4"}
+"""Product over floor, by size of team."""
+AIM_IN_PROCESS = "< 100 us"
+
+Row = Sequence[str]
+
+
+def tables(samples: Samples, names: Sequence[str]) -> str:
+    """The tables of these names, as text."""
+    return "\n\n".join(TABLES[name](samples) for name in names)
+
+
+def activation_table(samples: Samples) -> str:
+    """Microseconds per activation, beside the floor of the same size of team."""
+    head = [
+        "robots",
+        "",
+        "wall us",
+        "CPU us",
+        "of it broker",
+        "of it robots",
+        "wall/floor",
+        "CPU/floor",
+        "aim",
+    ]
+    dense = [
+        _activation_row(samples, label, Cell(kind, robots), "", aim)
+        for robots in TEAMS
+        for label, kind, aim in (
+            ("product", "product", AIMS_OF_RATIO.get(robots, "")),
+            ("in process", "in process", AIM_IN_PROCESS),
+            ("bare Zenoh fleet", "bare", ""),
+            ("floor", "floor", ""),
+        )
+    ]
+    turns = [
+        _activation_row(samples, label, Cell(kind, robots), prefix, "")
+        for robots in TEAMS
+        for label, kind, prefix in (
+            ("product", "turns", ""),
+            ("bare Zenoh fleet", "bare", "turns_"),
+            ("floor", "floor", "turns_"),
+        )
+    ]
+    return "\n\n".join(
+        [
+            _table("Cost per activation, all robots due at every instant", head, dense),
+            _table("Cost per activation, one robot due at every instant", head, turns),
+            _sizes_table(samples),
+        ]
+    )
+
+
+def _activation_row(samples: Samples, label: str, cell: Cell, prefix: str, aim: str) -> Row:
+    one_due = prefix or cell.kind == "turns"
+    floor, floor_prefix = Cell("floor", cell.robots), "turns_" if one_due else ""
+    costs = [
+        spread(samples.values(cell, f"{prefix}{name}_us")) for name in ("wall", "cpu", "broker", "robots")
+    ]
+    ratios = [
+        spread(samples.ratios(cell, f"{prefix}{name}_us", floor, f"{floor_prefix}{name}_us"), 2)
+        for name in ("wall", "cpu")
+    ]
+    return [str(cell.robots), label, *costs, *ratios, aim]
+
+
+def _sizes_table(samples: Samples) -> str:
+    rows = [
+        [str(cell.robots), cell.kind, str(sizes.grant_bytes), str(sizes.report_bytes)]
+        for cell, sizes in sorted(samples.sizes.items(), key=lambda item: (item[0].kind, item[0].robots))
+    ]
+    head = ["robots", "workload", "grant bytes", "report bytes"]
+    return _table("Mean length of messages, from runs of the product; the floor's are as long", head, rows)
+
+
+def realtime_table(samples: Samples) -> str:
+    """Virtual over wall-clock seconds."""
+    cell = Cell("product", 100)
+    rows = [["100", spread(samples.values(cell, "realtime")), "60"]]
+    return _table(
+        "Virtual over wall-clock time, steps of 0.5 s, all recorded",
+        ["robots", "times real time", "aim"],
+        rows,
+    )
+
+
+def startup_table(samples: Samples) -> str:
+    """Seconds and memory."""
+    cell = Cell("startup", 100)
+    what = [
+        ("s from the request to fork robots to the last handshake", "spawn_s", 2, "1"),
+        ("s of starting the fleet: the same, and opening the router", "start_s", 2, ""),
+        ("s from nothing to all robots ready (startup_s)", "startup_s", 2, ""),
+        ("MiB PSS per robot after 10 virtual seconds", "pss_mib", 2, "5"),
+        ("MiB PSS of the zygote", "zygote_pss_mib", 1, ""),
+    ]
+    rows = [
+        ["100", label, spread(samples.values(cell, name), digits), aim] for label, name, digits, aim in what
+    ]
+    return _table("Start-up and memory, Zenoh fleet", ["robots", "", "", "aim"], rows)
+
+
+def recording_table(samples: Samples) -> str:
+    """How much of a run goes into its log."""
+    rows = []
+    for robots in (30, 100):
+        cell = Cell("product", robots)
+        share = [100 * value for value in samples.values(cell, "recording_share")]
+        rows.append([str(robots), spread(share), spread(samples.values(cell, "log_bytes"), 0), "< 15"])
+    head = ["robots", "% of wall time", "log bytes per activation", "aim %"]
+    return _table("Share of a run spent recording, Zenoh fleet", head, rows)
+
+
+def scaling_table(samples: Samples) -> str:
+    """The same density, ten times the robots."""
+    small, large = Cell("product", 30), Cell("product", LARGE_TEAM)
+    rows = []
+    for label, name in (("wall us", "wall_us"), ("CPU us", "cpu_us"), ("of it broker", "broker_us")):
+        costs = [spread(samples.values(cell, name)) for cell in (small, large)]
+        rows.append([label, *costs, spread(samples.ratios(large, name, small, name), 2)])
+    head = ["per activation", "30 robots", f"{LARGE_TEAM} robots", "ratio"]
+    return _table("Growth with the team at equal density, Zenoh fleet", head, rows)
+
+
+def switches_table(samples: Samples) -> str:
+    """Who is woken how often for one activation."""
+    names = ("robots_voluntary", "robots_involuntary", "broker_voluntary", "broker_involuntary")
+    rows = [
+        [label, *(spread(samples.values(Cell(kind, 30), name), 2) for name in names)]
+        for label, kind in (("product", "product"), ("bare Zenoh fleet", "bare"), ("floor", "floor"))
+    ]
+    head = ["", "robots voluntary", "robots involuntary", "broker voluntary", "broker involuntary"]
+    return _table("Context switches per activation, 30 robots, all due", head, rows)
+
+
+def spread(values: Sequence[float], digits: int = 1) -> str:
+    """Median, and range where there is one."""
+    if not values:
+        return "-"
+    middle = f"{median(values):.{digits}f}"
+    return middle if len(values) == 1 else f"{middle} ({min(values):.{digits}f}-{max(values):.{digits}f})"
+
+
+def _table(title: str, head: Row, rows: Sequence[Row]) -> str:
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    lines = [
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
+        for row in (head, *rows)
+    ]
+    return "\n".join([title, *(f"  {line}".rstrip() for line in lines)])
+
+
+TABLES: dict[str, Callable[[Samples], str]] = {
+    "activation": activation_table,
+    "realtime": realtime_table,
+    "startup": startup_table,
+    "recording": recording_table,
+    "scaling": scaling_table,
+    "switches": switches_table,
+}

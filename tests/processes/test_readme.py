@@ -1,0 +1,62 @@
+"""The README is what a newcomer copies: its own lines are run, literally."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support import TIMEOUT_S
+
+pytestmark = pytest.mark.processes
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+
+
+def blocks(section: str, language: str) -> list[str]:
+    """Fenced blocks of one language in one section, in order."""
+    text = README.split(f"\n## {section}\n")[1].split("\n## ")[0]
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+def shell(commands: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    return subprocess.run(
+        ["bash", "-e", "-c", commands], cwd=folder, env={**os.environ, "PATH": path},
+        capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
+    )  # fmt: skip
+
+
+def test_from_nothing_to_a_scored_log(tmp_path: Path) -> None:
+    behaviour, score = blocks("Your own robot", "python")
+    (toml,) = blocks("Your own robot", "toml")
+    (commands,) = blocks("Your own robot", "sh")
+    assert len((behaviour + toml).splitlines()) <= 20
+    (tmp_path / "my_robot.py").write_text(behaviour)
+    (tmp_path / "my_team.toml").write_text(toml)
+    done = shell(commands, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "messages_sent" in done.stdout
+
+    (tmp_path / "my_robot.py").write_text(behaviour + "\n" + score)
+    (tmp_path / "my_team.toml").write_text('score = "my_robot.py:score"\n' + toml)
+    own = shell("heliograph run my_team.toml --seed 7 --out third.mcap && heliograph score third.mcap", tmp_path)
+    assert own.returncode == 0, own.stderr
+    assert own.stdout.count("known at the end") == 2
+
+    (reading,) = blocks("The log", "python")
+    (tmp_path / "reading.py").write_text(reading)
+    read = shell("python reading.py", tmp_path)
+    assert read.returncode == 0, read.stderr
+    assert read.stdout.startswith("0 r0")
+
+
+def test_every_command_is_described() -> None:
+    listed = set(re.findall(r"^heliograph (\w+)", README.split("\n## The command\n")[1], re.MULTILINE))
+    help_text = shell("heliograph --help", Path.cwd()).stdout
+    offered = set(re.findall(r"^    (\w+)\s", help_text, re.MULTILINE))
+    assert listed == offered
