@@ -268,6 +268,16 @@ def test_noise_is_drawn_for_observer_target_and_frame() -> None:
         assert abs(bearing_rad - bearing_error_rad) < 0.00006
 
 
+def test_each_kind_of_noise_comes_alone() -> None:
+    exact = channel().capture(0, SCENE, DARK, EVERYONE)
+    far = channel(range_noise_m=1.0).capture(0, SCENE, DARK, EVERYONE)
+    turned = channel(bearing_noise_deg=10.0).capture(0, SCENE, DARK, EVERYONE)
+    assert (far.range_m != exact.range_m).all()
+    assert far.bearing_rad.tolist() == exact.bearing_rad.tolist()
+    assert (turned.bearing_rad != exact.bearing_rad).all()
+    assert turned.range_m.tolist() == exact.range_m.tolist()
+
+
 def test_noisy_range_is_never_negative_and_noisy_bearing_never_beyond_half_a_turn() -> None:
     eyes = channel(range_noise_m=10.0, bearing_noise_deg=180.0)
     captures = [eyes.capture(number, SCENE, DARK, EVERYONE) for number in range(50)]

@@ -403,12 +403,18 @@ def test_a_full_disk_is_told_once_and_leaves_a_readable_log(
     assert doctor(tmp_path / "recovered.mcap") == ""
 
 
+@pytest.mark.parametrize("missing_bytes", [1, 1000, None])
 def test_a_disk_that_is_full_at_the_start_leaves_no_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing_bytes: int | None
 ) -> None:
-    monkeypatch.setattr(logs.recorder, "open_log", lambda path, force: FullDisk(path, 1000))
+    path = tmp_path / "a.mcap"
+    with Recorder(path, ROBOTS):
+        needed_bytes = path.stat().st_size
+    path.unlink()
+    room = 0 if missing_bytes is None else needed_bytes - missing_bytes
+    monkeypatch.setattr(logs.recorder, "open_log", lambda path, force: FullDisk(path, room))
     with pytest.raises(LogError, match="No space left"):
-        Recorder(tmp_path / "a.mcap", ROBOTS)
+        Recorder(path, ROBOTS)
     assert list(tmp_path.iterdir()) == []
 
 
