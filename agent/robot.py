@@ -1,10 +1,10 @@
 """What a behaviour sees of its robot. This is the whole surface; on hardware it is the same.
 
-    async def roll_call(robot: Robot) -> None:
-        async for step in robot.steps(period=0.5):
-            robot.radio.broadcast({"id": robot.id})
-            observed = await step.observe()
-            robot.log("heard", {"count": len(observed.heard)})
+async def roll_call(robot: Robot) -> None:
+    async for step in robot.steps(period=0.5):
+        robot.radio.broadcast({"id": robot.id})
+        observed = await step.observe()
+        robot.log("heard", {"count": len(observed.heard)})
 """
 
 from __future__ import annotations

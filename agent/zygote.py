@@ -200,7 +200,9 @@ class Zygote:
             os.dup2(output, 1)
             os.dup2(output, 2)
             os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-            os.closerange(3, 1 + max(output, *self._outputs, self._selector.fileno(), self._wakeup_write.fileno()))
+            os.closerange(
+                3, 1 + max(output, *self._outputs, self._selector.fileno(), self._wakeup_write.fileno())
+            )
             sys.stdout = open(1, "w", buffering=1, closefd=False)  # noqa: SIM115
             sys.stderr = open(2, "w", buffering=1, closefd=False)  # noqa: SIM115
             from agent.link.emulated import run_robot

@@ -15,6 +15,7 @@ nanoseconds; on this wire they are readings of the *robot's own* clock, which th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -192,7 +193,7 @@ def _plain(value: object) -> object:
     if isinstance(value, np.ndarray):
         return value.tolist()
     raise TypeError(
-        f"a {type(value).__name__} cannot be sent or logged: use numbers, text, bytes, lists and dicts"
+        f"values of type {type(value).__name__} cannot be sent or logged: use numbers, text, bytes, lists and dicts"
     )
 
 
@@ -235,8 +236,31 @@ def decode_hello(raw: bytes) -> Hello:
 
 
 def encode_entry(data: Mapping[str, Any]) -> bytes:
-    """A log entry as JSON text. Raises TypeError for what JSON has no form for."""
-    return _encode_json(dict(data))
+    """A log entry as JSON text; keys that are numbers become text, bytes become base64.
+
+    Raises TypeError for what JSON has no form for, ValueError for NaN and infinity.
+    """
+    text = _encode_json(dict(data))
+    # The encoder turns NaN and infinity into null without a word.
+    if b"null" in text and has_non_finite(data):
+        raise ValueError("JSON has no NaN and no infinity; log None, or leave the value out")
+    return text
+
+
+def has_non_finite(value: object) -> bool:
+    """Whether plain data holds NaN or infinity anywhere."""
+    pending: list[Any] = [value]
+    for item in pending:
+        if isinstance(item, float | np.floating):
+            if not math.isfinite(item):
+                return True
+        elif isinstance(item, Mapping):
+            pending.extend(item.values())
+        elif isinstance(item, list | tuple):
+            pending.extend(item)
+        elif isinstance(item, np.ndarray):
+            pending.extend(item.ravel().tolist())
+    return False
 
 
 def encode_payload(payload: object) -> bytes:

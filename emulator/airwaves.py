@@ -118,7 +118,7 @@ class Airwaves:
             start = end
 
     def switch_off(self, robot: int) -> None:
-        """This robot's radio hears nothing from now on."""
+        """Nothing reaches this robot from now on."""
         listening = self._listening.copy()
         listening[robot] = False
         self._listening = listening

@@ -21,7 +21,7 @@ from emulator.scenario_file import load, shipped
 from emulator.table import outcome_table, score_table
 from emulator.verify import verify
 from logs.info import format_info, info
-from logs.reader import LogError, LogReader
+from logs.reader import LogError
 from logs.recover import recover
 
 OK, FAILED, USER_ERROR = 0, 1, 2
@@ -194,13 +194,13 @@ def _parser() -> argparse.ArgumentParser:
     run = _command(commands, "run", _run, "run a scenario, record it, score it")
     _add_scenario(run)
     run.add_argument("--rate", type=_rate, default=None, metavar="max|FLOAT",
-                     help="virtual seconds per wall-clock second (default: max, as fast as possible)")  # fmt: skip
+                     help="virtual seconds per second (default: max, as fast as it can)")  # fmt: skip
     _add_fleet(run)
     run.add_argument("--out", type=Path, metavar="FILE", help="log (default: runs/SCENARIO-SEED.mcap)")
     run.add_argument("--force", action="store_true", help="overwrite an existing log")
     run.add_argument("--stats", type=Path, metavar="FILE", help="write wall-clock statistics as JSON")
     run.add_argument("--listen", metavar="ENDPOINT",
-                     help="Zenoh endpoint of the broker, as tcp/127.0.0.1:7447 (default: a Unix socket)")  # fmt: skip
+                     help="endpoint of the broker, as tcp/127.0.0.1:7447 (default: a Unix socket)")  # fmt: skip
     _add_json(run)
 
     scenarios = _command(commands, "scenarios", _scenarios, "list the scenarios that come with Heliograph")
@@ -236,7 +236,9 @@ Commands = Any  # argparse names no type for it
 def _command(
     commands: Commands, name: str, command: Callable[[argparse.Namespace], int], text: str
 ) -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text.capitalize() + ".")
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name, help=text, description=text.capitalize() + "."
+    )
     parser.set_defaults(command=command)
     return parser
 
@@ -248,7 +250,7 @@ def _add_scenario(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                         help="change one key of the scenario, as radio.loss=0.1")  # fmt: skip
     parser.add_argument("--duration", type=float, metavar="SECONDS",
-                        help="virtual seconds to run, exactly, whatever the scenario's stop rule")  # fmt: skip
+                        help="virtual seconds to run, exactly, whatever the stop rule")  # fmt: skip
 
 
 def _add_fleet(parser: argparse.ArgumentParser) -> None:

@@ -270,16 +270,23 @@ class Engine:
         self._record(self._parts.recorder.truth, now, record)
 
     def _take_entry(self, robot: int, now: int, entry: LogEntry) -> None:
-        try:
-            data = orjson.loads(entry.text)
-        except orjson.JSONDecodeError as error:
-            raise RobotFailure(self._parts.robots[robot], f"logged what is no JSON: {error}") from None
-        if not isinstance(data, dict):
-            raise RobotFailure(self._parts.robots[robot], f"logged a {type(data).__name__} instead of an object")
+        data = self._entry_data(robot, entry.text)
         self._record(self._parts.recorder.entry, now, robot, entry.name, entry.text)
         stop = self._parts.stop
         if stop is not None and entry.name == stop.entry and data.get(stop.field) is True:
             self._fulfilled.add(robot)
+
+    def _entry_data(self, robot: int, text: bytes) -> dict[str, Any]:
+        """What a robot logged. The text goes into the log as it is, so it must be one JSON object."""
+        name = self._parts.robots[robot]
+        try:
+            # In brackets: as deep as readers will find it (parsers have a limit), and nothing beside it.
+            ((data,),) = orjson.loads(b"[[%b]]" % text)
+        except ValueError as error:
+            raise RobotFailure(name, f"logged what is no JSON: {error}") from None
+        if not isinstance(data, dict):
+            raise RobotFailure(name, f"logged a {type(data).__name__} instead of an object")
+        return data
 
     def _end(self, robot: int, now: int, why: str) -> None:
         name = self._parts.robots[robot]

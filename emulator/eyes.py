@@ -22,7 +22,9 @@ class Eyes:
         self._channel = VisualChannel(settings, robots, seed)
         self._robots = robots
         self._period_ns = NS_PER_S / settings.frame_rate_hz
-        self._phase_ns = to_ns(settings.phase_s) if settings.phase_s is not None else round(self._period_ns / 2)
+        self._phase_ns = (
+            to_ns(settings.phase_s) if settings.phase_s is not None else round(self._period_ns / 2)
+        )
         self._taken = 0
         self.latency_ns = to_ns(settings.latency_s)
 

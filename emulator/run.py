@@ -154,7 +154,7 @@ def with_duration(scenario: Scenario, duration_s: float) -> Scenario:
     """The same scenario, run for exactly so long. Raises UserError for a duration that is none."""
     if not 0 < duration_s <= to_s(MAX_TIME_NS):
         raise UserError(
-            f"--duration {duration_s:g}: is a number of seconds greater than 0 and at most {to_s(MAX_TIME_NS):g}"
+            f"--duration {duration_s:g}: is a number of seconds greater than 0, at most {to_s(MAX_TIME_NS):g}"
         )
     return replace(scenario, run=RunSettings(duration_s))
 

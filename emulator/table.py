@@ -20,7 +20,8 @@ def outcome_table(outcome: Outcome) -> str:
     rows = {
         "scenario": f"{outcome.scenario.name}, {outcome.robots} robots, seed {outcome.scenario.seed}",
         "fleet": f"{outcome.fleet} (ready in {outcome.startup_s:.2f} s)",
-        "time": f"{virtual_s:g} s virtual in {outcome.wall_s:.2f} s, {speed:.0f} x real time; {progress.ended_by}",
+        "time": f"{virtual_s:g} s virtual in {outcome.wall_s:.2f} s, {speed:.0f} x real time",
+        "ended by": progress.ended_by,
         "activations": str(progress.activations),
         "messages": _messages(outcome),
         **_flat(outcome.score),
@@ -38,7 +39,9 @@ def score_table(score: Mapping[str, Any]) -> str:
 def _messages(outcome: Outcome) -> str:
     progress = outcome.progress
     dropped = ", ".join(f"{count} {reason}" for reason, count in progress.dropped.items())
-    return f"{progress.sent} sent, {progress.delivered} delivered" + (f"; dropped: {dropped}" if dropped else "")
+    return f"{progress.sent} sent, {progress.delivered} delivered" + (
+        f"; dropped: {dropped}" if dropped else ""
+    )
 
 
 def _flat(score: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
@@ -48,7 +51,9 @@ def _flat(score: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
         if isinstance(value, Mapping) and all(isinstance(inner, Mapping | list) for inner in value.values()):
             rows |= _flat(value, f"{name}.")
         elif isinstance(value, Mapping):
-            rows[name] = _cut([f"{inner} {_shown(item)}" for inner, item in value.items() if not _nested(item)])
+            rows[name] = _cut(
+                [f"{inner} {_shown(item)}" for inner, item in value.items() if not _nested(item)]
+            )
         else:
             rows[name] = _shown(value)
     return rows

@@ -32,11 +32,13 @@ def _scenario_of(log: Path, folder: Path, *, unpack: bool) -> Scenario:
     with LogReader(log) as reader:
         resolved = reader.run.get("resolved")
         if resolved is None:
-            raise UserError(f"{log}: carries no scenario; only logs written by `heliograph run` can be verified")
+            raise UserError(
+                f"{log}: carries no scenario; only logs written by `heliograph run` can be verified"
+            )
         written_by = reader.run.get("heliograph")
         if written_by != version():
             raise UserError(
-                f"{log}: was written by Heliograph {written_by}, this is {version()}; verify it with that version"
+                f"{log}: was written by Heliograph {written_by}, this is {version()}; verify it with that one"
             )
         if not reader.complete:
             raise UserError(f"{log}: the run was aborted, so there is no whole log to compare; run it again")
@@ -52,6 +54,8 @@ def _scenario_of(log: Path, folder: Path, *, unpack: bool) -> Scenario:
 def _unpack(folder: Path, name: str, data: bytes) -> None:
     target = (folder / name).resolve()
     if not target.is_relative_to(folder.resolve()):
-        raise UserError(f"attachment {name}: lies outside the scenario's folder; give --source FOLDER instead")
+        raise UserError(
+            f"attachment {name}: lies outside the scenario's folder; give --source FOLDER instead"
+        )
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_bytes(data)

@@ -7,7 +7,6 @@ What a behaviour logs arrives as JSON text and is embedded as it stands.
 from __future__ import annotations
 
 import base64
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -18,7 +17,7 @@ import orjson
 from numpy.typing import NDArray
 
 from channels.fates import Reason
-from channels.messages import MessageError, decode_payload
+from channels.messages import MessageError, decode_payload, has_non_finite
 from channels.visual import Capture
 from logs.schemas import LOSSES
 
@@ -38,7 +37,7 @@ def encode_record(record: Mapping[str, Any]) -> bytes:
     except TypeError as error:
         raise ValueError(str(error)) from None
     # orjson turns NaN and infinity into null without a word.
-    if b"null" in encoded and _has_non_finite(record):
+    if b"null" in encoded and has_non_finite(record):
         raise ValueError("JSON has no NaN and no infinity")
     return encoded
 
@@ -129,7 +128,7 @@ def _dropped(reasons: NDArray[np.uint8], robots: NDArray[np.object_]) -> list[di
 def _with_payload(record: dict[str, Any], payload: bytes) -> bytes:
     try:
         value = decode_payload(payload)
-        if _MAY_BE_NON_FINITE(payload) and _has_non_finite(value):
+        if _MAY_BE_NON_FINITE(payload) and has_non_finite(value):
             value = payload
     except MessageError:
         value = payload
@@ -155,18 +154,3 @@ def _base64(value: object) -> dict[str, str]:
     if isinstance(value, bytes):
         return {"base64": base64.b64encode(value).decode()}
     raise TypeError
-
-
-def _has_non_finite(value: object) -> bool:
-    """Whether a value that is plain JSON otherwise holds NaN or infinity."""
-    pending: list[Any] = [value]
-    for item in pending:
-        kind = type(item)
-        if kind is float:
-            if not math.isfinite(item):
-                return True
-        elif kind is dict:
-            pending.extend(item.values())
-        elif kind is list or kind is tuple:
-            pending.extend(item)
-    return False

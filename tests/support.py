@@ -13,7 +13,9 @@ from emulator.scenario_file import load
 TIMEOUT_S = 120
 
 
-def heliograph(*arguments: object, cwd: Path | None = None, prefix: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
+def heliograph(
+    *arguments: object, cwd: Path | None = None, prefix: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
     """The command, as typed; its exit code is for the caller to look at."""
     command = [*prefix, sys.executable, "-m", "emulator", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, cwd=cwd, check=False)

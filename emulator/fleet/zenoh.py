@@ -185,8 +185,10 @@ class ZenohFleet:
         self, robot: int, awaited: set[int], answers: dict[int, Answer], take: Callable[[int, bytes], Answer]
     ) -> None:
         """Wait for news, then take all that has come. `robot` is the one whose turn it is."""
-        if robot in self._gone:
-            name = self._robots[robot]
+        # One that owes an answer fails in its place; one that has no part in this instant fails now.
+        lost = robot if robot in self._gone else min(self._gone - awaited, default=None)
+        if lost is not None:
+            name = self._robots[lost]
             raise RobotFailure(name, self._supervisor.cause_of_end(name))
         sample: zenoh.Sample | None = self._reports.recv()
         while sample is not None:
@@ -220,9 +222,7 @@ class ZenohFleet:
         """Remember whose process is gone. Raises RobotFailure where `robot` lets us wait too long."""
         if news == OVERDUE and self._clock.overdue():
             raise RobotFailure(self._robots[robot], self._why_overdue(robot))
-        self._gone = {
-            index for index, name in enumerate(self._robots) if self._supervisor.has_exited(name)
-        }
+        self._gone = {index for index, name in enumerate(self._robots) if self._supervisor.has_exited(name)}
 
     def _why_overdue(self, robot: int) -> str:
         refused = [why for who, why in self.refused if who == robot]
@@ -230,7 +230,6 @@ class ZenohFleet:
         if refused:
             return f"{cause}; {len(refused)} malformed messages were refused, the last: {refused[-1]}"
         return f"{cause}; does it loop without awaiting? (limits.answer_timeout_s sets the deadline)"
-
 
     def _tell_gone(self, _robot: str) -> None:
         with contextlib.suppress(zenoh.ZError):

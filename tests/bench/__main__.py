@@ -13,7 +13,7 @@ from typing import Any
 
 from tests.bench.measure import environment, load_average
 from tests.bench.plan import FULL, QUICK, Bench, Samples
-from tests.bench.report import TABLES, tables
+from tests.bench.report import TABLES, spread, tables
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -31,7 +31,8 @@ def main(arguments: Sequence[str]) -> int:
     samples = Bench(effort).run(names)
     about |= {"load afterwards": load_average(), "took": f"{time.monotonic() - begun:.0f} s"}
     print(tables(samples, names))
-    print(f"\ntook {about['took']}, load average afterwards {about['load afterwards']}")
+    print(f"\ncores busy with anything else while measuring: {spread(samples.everywhere('others_cores'), 2)}")
+    print(f"took {about['took']}, load average afterwards {about['load afterwards']}")
     if options.json is not None:
         options.json.write_text(json.dumps(_document(about, samples), indent=1) + "\n")
     return 0

@@ -44,6 +44,8 @@ class _Reading:
     wall_ns: int
     broker_ns: int
     robots_ns: int
+    machine_ns: int
+    """CPU time of everybody on this machine, and what its host took from it."""
     broker: Switches
     robots: Switches
 
@@ -61,24 +63,32 @@ class Meter:
         """Start measuring; the last thing read is what moves fastest."""
         robots, broker = self._switches()
         robots_ns = sum(map(cpu_ns, self._robots))
-        self._begun = _Reading(time.perf_counter_ns(), time.process_time_ns(), robots_ns, broker, robots)
+        machine_ns = _machine_ns()
+        wall_ns, broker_ns = time.perf_counter_ns(), time.process_time_ns()
+        self._begun = _Reading(wall_ns, broker_ns, robots_ns, machine_ns, broker, robots)
 
     def end(self) -> None:
         """Stop measuring; the first thing read is what moves fastest."""
         wall_ns, broker_ns = time.perf_counter_ns(), time.process_time_ns()
+        machine_ns = _machine_ns()
         robots_ns = sum(map(cpu_ns, self._robots))
         robots, broker = self._switches()
-        self._ended = _Reading(wall_ns, broker_ns, robots_ns, broker, robots)
+        self._ended = _Reading(wall_ns, broker_ns, robots_ns, machine_ns, broker, robots)
 
     def per_activation(self, activations: int, prefix: str = "") -> Figures:
-        """Microseconds and switches per activation between `begin` and `end`."""
+        """Microseconds and switches per activation between `begin` and `end`.
+
+        `others_cores` is no such: how many cores were busy with anything but us.
+        """
         begun, ended = self._begun, self._ended
         if begun is None or ended is None or not activations:
             raise SampleFailed("nothing was measured: the run is shorter than its warm-up")
         broker_ns, robots_ns = ended.broker_ns - begun.broker_ns, ended.robots_ns - begun.robots_ns
         broker, robots = ended.broker - begun.broker, ended.robots - begun.robots
+        wall_ns, machine_ns = ended.wall_ns - begun.wall_ns, ended.machine_ns - begun.machine_ns
+        others_cores = max(0.0, (machine_ns - broker_ns - robots_ns) / wall_ns)
         amounts = {
-            "wall_us": (ended.wall_ns - begun.wall_ns) / 1000,
+            "wall_us": wall_ns / 1000,
             "cpu_us": (broker_ns + robots_ns) / 1000,
             "broker_us": broker_ns / 1000,
             "robots_us": robots_ns / 1000,
@@ -87,7 +97,8 @@ class Meter:
             "robots_voluntary": robots.voluntary,
             "robots_involuntary": robots.involuntary,
         }
-        return {prefix + name: amount / activations for name, amount in amounts.items()}
+        figures = {prefix + name: amount / activations for name, amount in amounts.items()}
+        return {**figures, f"{prefix}others_cores": others_cores}
 
     def _switches(self) -> tuple[Switches, Switches]:
         return sum(map(switches, self._robots), Switches()), switches(os.getpid())
@@ -106,6 +117,12 @@ def switches(pid: int) -> Switches:
         fields = _fields(status)
         total += Switches(int(fields["voluntary_ctxt_switches"]), int(fields["nonvoluntary_ctxt_switches"]))
     return total
+
+
+def _machine_ns() -> int:
+    fields = Path("/proc/stat").read_text().partition("\n")[0].split()[1:]
+    user, nice, system, _idle, _iowait, irq, softirq, steal, *_ = map(int, fields)
+    return (user + nice + system + irq + softirq + steal) * (1_000_000_000 // os.sysconf("SC_CLK_TCK"))
 
 
 def pss_mib(pid: int) -> float:

@@ -38,8 +38,8 @@ class Effort:
     turns_duration_s: dict[int, float]
 
 
-FULL = Effort(3, 9000, 6000, {10: 240.0, 30: 120.0, 100: 60.0, 300: 60.0}, {10: 120.0, 30: 60.0, 100: 30.0})
-QUICK = Effort(1, 3000, 2000, {10: 60.0, 30: 30.0, 100: 20.0, 300: 12.0}, {10: 40.0, 30: 20.0, 100: 10.0})
+FULL = Effort(3, 30_000, 9000, {10: 240.0, 30: 120.0, 100: 60.0, 300: 60.0}, {10: 120.0, 30: 60.0, 100: 30.0})
+QUICK = Effort(1, 10_000, 3000, {10: 60.0, 30: 30.0, 100: 20.0, 300: 12.0}, {10: 40.0, 30: 20.0, 100: 10.0})
 
 
 def _teams(*kinds: str) -> list[Cell]:
@@ -68,6 +68,10 @@ class Samples:
     def values(self, cell: Cell, name: str) -> list[float]:
         """One figure of a cell over the rounds; shorter where samples failed."""
         return [done[cell][name] for done in self.rounds if name in done.get(cell, {})]
+
+    def everywhere(self, name: str) -> list[float]:
+        """One figure of every sample that has it."""
+        return [figures[name] for done in self.rounds for figures in done.values() if name in figures]
 
     def ratios(self, cell: Cell, name: str, of: Cell, of_name: str) -> list[float]:
         """One figure over another of the same round, over the rounds."""

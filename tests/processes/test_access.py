@@ -25,7 +25,9 @@ def nothing() -> None:
 
 @pytest.fixture
 def fleet(tmp_path: Path) -> Iterator[ZenohFleet]:
-    (tmp_path / "idle.py").write_text("import asyncio\nasync def main(robot):\n    await asyncio.sleep(1e5)\n")
+    (tmp_path / "idle.py").write_text(
+        "import asyncio\nasync def main(robot):\n    await asyncio.sleep(1e5)\n"
+    )
     fleet = ZenohFleet(["idle.py:main"], tmp_path, answer_timeout_s=2.0, echo=None)
     plan = RadioPlan(100, 0, None, 10)
     fleet.start([Hello(robot, "idle.py:main", {}, 1, 0, (0.0, 0.0, 0.0), plan, 1) for robot in ROBOTS])
@@ -70,7 +72,9 @@ def test_a_robot_cannot_speak_for_another_or_to_another(fleet: ZenohFleet, intru
     assert {robot for robot, _ in fleet.refused} == {0}
 
 
-@pytest.mark.parametrize("garbage", [b"", b"\xc1", b"\x93\x01\x02", b"\xdd\xff\xff\xff\xff", b"\x91" * 100_000, b"\x00" * 99])
+@pytest.mark.parametrize(
+    "garbage", [b"", b"\xc1", b"\x93\x01\x02", b"\xdd\xff\xff\xff\xff", b"\x91" * 100_000, b"\x00" * 99]
+)
 def test_garbage_is_refused_and_counted(fleet: ZenohFleet, intruder: zenoh.Session, garbage: bytes) -> None:
     intruder.put(to_broker(fleet.run, "r00"), garbage)
     for number in range(1, 10_000):

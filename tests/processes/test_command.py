@@ -56,7 +56,12 @@ def test_json_of_a_run(finished: tuple[Path, dict[str, Any]]) -> None:
         "scenario", "seed", "robots", "fleet", "log", "digest", "virtual_s", "wall_s", "startup_s", "activations",
         "messages", "score",
     ]  # fmt: skip
-    assert (result["scenario"], result["seed"], result["robots"], result["fleet"]) == ("association", 5, 8, "zenoh")
+    assert (result["scenario"], result["seed"], result["robots"], result["fleet"]) == (
+        "association",
+        5,
+        8,
+        "zenoh",
+    )
     assert result["log"] == str(out)
     assert result["digest"] == hashlib.sha256(out.read_bytes()).hexdigest()
     messages = result["messages"]
@@ -91,7 +96,10 @@ def test_scenarios_and_check() -> None:
     for robots in (20, 100):
         side = side_for_neighbours(robots, 13.0, 16.0)
         done = heliograph("check", "association", "--robots", robots)
-        assert done.stdout == f"association: fine; {robots} robots on {side:.1f} m x {side:.1f} m, at most 60 s\n"
+        assert (
+            done.stdout
+            == f"association: fine; {robots} robots on {side:.1f} m x {side:.1f} m, at most 60 s\n"
+        )
 
 
 def test_duration_is_exact_whatever_the_stop_rule(tmp_path: Path) -> None:
@@ -124,7 +132,16 @@ def test_default_place_and_table(tmp_path: Path) -> None:
 def test_stats(tmp_path: Path) -> None:
     stats = tmp_path / "stats.json"
     heliograph(
-        "run", "association", "--robots", 3, "--fleet", "in_process", "--out", tmp_path / "a.mcap", "--stats", stats
+        "run",
+        "association",
+        "--robots",
+        3,
+        "--fleet",
+        "in_process",
+        "--out",
+        tmp_path / "a.mcap",
+        "--stats",
+        stats,
     )
     assert orjson.loads(stats.read_bytes())["activations"] > 0
 
@@ -164,7 +181,10 @@ def test_what_is_refused(arguments: list[str], sentence: str, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (("range_m = 20.0", "range_m = -20.0"), "mine.toml: radio.range_m: must be a number of metres greater than 0"),
+        (
+            ("range_m = 20.0", "range_m = -20.0"),
+            "mine.toml: radio.range_m: must be a number of metres greater than 0",
+        ),
         (("range_m = 20.0", "rang_m = 20.0"), "mine.toml: unknown key radio.rang_m, did you mean range_m"),
         (("robots = 2", 'robots = ["a", "b", "a"]'), "mine.toml: robots"),
         (("robots = 2", "robots = 2.5"), "mine.toml: robots: must be"),
@@ -218,7 +238,9 @@ def test_a_full_disk(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 2, done.stderr
     last = done.stderr.strip().splitlines()[-1]
-    assert last == "heliograph: cannot write log.mcap: File too large; free some space or choose another --out"
+    assert (
+        last == "heliograph: cannot write log.mcap: File too large; free some space or choose another --out"
+    )
     with LogReader(tmp_path / "log.mcap") as log:  # what was written before is there
         assert log.torn
         assert len(list(log.records("/radio"))) > 10

@@ -52,8 +52,14 @@ FAULTS = {
     "exits": ("    os._exit(3)", "robot r01 exited with code 3"),
     "leaves": ("    sys.exit(4)", "robot r01 exited with code 4"),
     "is killed": ("    os.kill(os.getpid(), signal.SIGKILL)", "robot r01 was killed by signal 9"),
-    "never awaits": ("    while True: pass", "robot r01 did not answer within 1.5 s; does it loop without awaiting?"),
-    "blocks": ("    time.sleep(100)", "robot r01 did not answer within 1.5 s; does it loop without awaiting?"),
+    "never awaits": (
+        "    while True: pass",
+        "robot r01 did not answer within 1.5 s; does it loop without awaiting?",
+    ),
+    "blocks": (
+        "    time.sleep(100)",
+        "robot r01 did not answer within 1.5 s; does it loop without awaiting?",
+    ),
     "floods": (
         "    for _ in range(10**6): robot.radio.broadcast(1)",
         "robot r01 failed: TooMuchAtOnce: more than 1000 radio messages at one instant; await between broadcasts",
@@ -64,7 +70,7 @@ FAULTS = {
     ),
     "sends what has no form": (
         "    robot.radio.broadcast(object())",
-        "robot r01 failed: TypeError: a object cannot be sent or logged",
+        "robot r01 failed: TypeError: values of type object cannot be sent or logged",
     ),
     "logs what has no form": (
         "    robot.log('odd', {'inner': {(1, 2): object()}})",
@@ -178,7 +184,10 @@ def start_endless(folder: Path) -> subprocess.Popen[str]:
     out = folder / "log.mcap"
     command = [sys.executable, "-m", "emulator", "run", str(scenario), "--out", str(out), "--json"]
     process = subprocess.Popen(
-        [*command, "--duration", "1000", "--rate", "5"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*command, "--duration", "1000", "--rate", "5"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     deadline = time.monotonic() + TIMEOUT_S
     while radio_records(out) <= 20 and time.monotonic() < deadline:
@@ -233,7 +242,9 @@ def test_a_port_that_is_taken(tmp_path: Path) -> None:
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         done = heliograph("run", "association", "--out", tmp_path / "log.mcap", "--listen", endpoint)
     assert done.returncode == 2
-    assert done.stderr.strip().splitlines()[-1].startswith(f"heliograph: --listen: cannot listen at {endpoint}")
+    assert (
+        done.stderr.strip().splitlines()[-1].startswith(f"heliograph: --listen: cannot listen at {endpoint}")
+    )
 
 
 def test_over_tcp(tmp_path: Path) -> None:
@@ -241,7 +252,14 @@ def test_over_tcp(tmp_path: Path) -> None:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     done = heliograph(
-        "run", "association", "--robots", 4, "--out", tmp_path / "tcp.mcap", "--listen", f"tcp/127.0.0.1:{port}"
+        "run",
+        "association",
+        "--robots",
+        4,
+        "--out",
+        tmp_path / "tcp.mcap",
+        "--listen",
+        f"tcp/127.0.0.1:{port}",
     )
     assert done.returncode == 0, done.stderr
     again = heliograph("run", "association", "--robots", 4, "--out", tmp_path / "unix.mcap")

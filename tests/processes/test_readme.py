@@ -44,7 +44,9 @@ def test_from_nothing_to_a_scored_log(tmp_path: Path) -> None:
 
     (tmp_path / "my_robot.py").write_text(behaviour + "\n" + score)
     (tmp_path / "my_team.toml").write_text('score = "my_robot.py:score"\n' + toml)
-    own = shell("heliograph run my_team.toml --seed 7 --out third.mcap && heliograph score third.mcap", tmp_path)
+    own = shell(
+        "heliograph run my_team.toml --seed 7 --out third.mcap && heliograph score third.mcap", tmp_path
+    )
     assert own.returncode == 0, own.stderr
     assert own.stdout.count("known at the end") == 2
 

@@ -57,9 +57,7 @@ def test_equals_element_wise_multiplication(data: st.DataObject) -> None:
         active_v = data.draw(st.lists(st.booleans(), min_size=v, max_size=v))
         observed = np.equal.outer(np.array(active_w, dtype=bool), np.array(active_v, dtype=bool)).astype(int)
         matrix = matrix * observed
-        istate.update(
-            {f"{h:02d}" for h in range(w) if active_w[h]}, {s for s in range(v) if active_v[s]}
-        )
+        istate.update({f"{h:02d}" for h in range(w) if active_w[h]}, {s for s in range(v) if active_v[s]})
         assert istate.edges() == {s: [f"{h:02d}" for h in range(w) if matrix[h, s]] for s in range(v)}
         columns = matrix.sum(axis=0)
         assert istate.is_final() == bool((columns == 1).all())
@@ -72,7 +70,9 @@ def test_equals_element_wise_multiplication(data: st.DataObject) -> None:
 TRUTH = {("a", 1): "b", ("a", 2): "c", ("b", 5): "a"}
 
 
-def entry(robot: str, step: int, matches: Mapping[int, str], visual: int, complete: bool) -> tuple[str, dict[str, Any]]:
+def entry(
+    robot: str, step: int, matches: Mapping[int, str], visual: int, complete: bool
+) -> tuple[str, dict[str, Any]]:
     edges: dict[str, list[str]] = {str(visual_id): [] for visual_id in range(visual)}
     return robot, {
         "step": step,

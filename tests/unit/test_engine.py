@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from emulator.errors import RunFailed
 from emulator.run import Outcome
 from logs.reader import LogReader
 from tests.support import run_scenario, write_scenario
@@ -276,7 +277,8 @@ async def main(robot):
 
 def test_commanded_motion_changes_who_is_in_range(tmp_path: Path) -> None:
     toml = TOML.format(radio="", more="", duration=4.0).replace(
-        "area_m = [10.0, 10.0]", 'area_m = [40.0, 10.0]\nmotion = { kind = "commanded", max_speed_mps = 20.0 }'
+        "area_m = [10.0, 10.0]",
+        'area_m = [40.0, 10.0]\nmotion = { kind = "commanded", max_speed_mps = 20.0 }',
     )
     code = """
 import asyncio
@@ -347,7 +349,34 @@ async def main(robot):
         await asyncio.sleep(0.1 if robot.id == "a" else 0.2)
         robot.log("state", {"ready": tick >= 2})
 """
-    toml = TOML.format(radio="", more="", duration=2.0).replace("duration_s = 2.0", f"duration_s = 2.0\n{stop}")
+    toml = TOML.format(radio="", more="", duration=2.0).replace(
+        "duration_s = 2.0", f"duration_s = 2.0\n{stop}"
+    )
     outcome = run_scenario(write_scenario(tmp_path, code, toml), tmp_path / "log.mcap", "in_process")
     assert outcome.progress.ended_by == why
     assert outcome.progress.now_ns == end_ms * MS
+
+
+@pytest.mark.parametrize(
+    ("text", "story"),
+    [
+        ('b"no json"', "robot a logged what is no JSON: "),
+        ('b"1], [2"', "robot a logged what is no JSON: "),
+        ("""b'{"a":1},{"b":2}'""", "robot a logged what is no JSON: "),
+        ("""b'{"a":1}],[{"b":2}'""", "robot a logged what is no JSON: "),
+        ('b"[1]"', "robot a logged a list instead of an object"),
+        ('b"{\\"a\\":" + b"[" * 1023 + b"]" * 1023 + b"}"', "robot a logged what is no JSON: "),
+    ],
+)
+def test_entries_that_are_none(text: str, story: str, tmp_path: Path) -> None:
+    """A robot that goes round its own API cannot spoil the log."""
+    code = f"""
+from channels.messages import LogEntry
+async def main(robot):
+    if robot.id == "a":
+        robot._outbox.log(LogEntry("odd", {text}))
+"""
+    with pytest.raises(RunFailed, match=story):
+        run_code(tmp_path, code)
+    with LogReader(tmp_path / "log.mcap") as log:
+        assert list(log.records("/robot")) == []

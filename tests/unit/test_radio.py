@@ -30,7 +30,9 @@ def test_a_message_handed_over_inside_the_slot_goes_at_once_if_it_still_fits() -
 
 
 def test_what_fits_no_slot_is_refused_at_once() -> None:
-    with pytest.raises(MessageTooLong, match="a message of 12 bytes takes 0.096 s on the air and does not fit"):
+    with pytest.raises(
+        MessageTooLong, match=r"a message of 12 bytes takes 0\.096 s on the air and does not fit"
+    ):
         SlotAccess(TDMA).start(0, 12)
     assert SlotAccess(TDMA).start(0, 11) == 100 * MS
 
