@@ -132,7 +132,7 @@ class Zygote:
                 with contextlib.suppress(BlockingIOError):
                     self._wakeup.recv(4096)
                 self._reap()
-            else:
+            elif key.fd in self._outputs:  # not one that a robot's end has just closed
                 self._relay(key.fd)
         return True
 

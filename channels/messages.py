@@ -193,7 +193,7 @@ def _plain(value: object) -> object:
     if isinstance(value, np.ndarray):
         return value.tolist()
     raise TypeError(
-        f"values of type {type(value).__name__} cannot be sent or logged: use numbers, text, bytes, lists and dicts"
+        f"values of type {type(value).__name__} cannot be sent or logged: use numbers, text, lists, dicts"
     )
 
 

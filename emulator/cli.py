@@ -167,7 +167,8 @@ def _write_stats(path: Path, outcome: Outcome) -> None:
         "us_per_activation": 1e6 * outcome.wall_s / max(1, outcome.progress.activations),
         "real_time_factor": outcome.progress.now_ns / 1e9 / outcome.wall_s,
         "overruns": outcome.overruns,
-        "seconds": outcome.seconds,
+        "recording_s": outcome.recording_s,
+        "recording_cpu_s": outcome.recording_cpu_s,
     }
     try:
         path.write_bytes(orjson.dumps(stats, option=orjson.OPT_INDENT_2) + b"\n")
@@ -200,7 +201,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--force", action="store_true", help="overwrite an existing log")
     run.add_argument("--stats", type=Path, metavar="FILE", help="write wall-clock statistics as JSON")
     run.add_argument("--listen", metavar="ENDPOINT",
-                     help="endpoint of the broker, as tcp/127.0.0.1:7447 (default: a Unix socket)")  # fmt: skip
+                     help="broker endpoint, as tcp/127.0.0.1:7447 (default: a Unix socket)")  # fmt: skip
     _add_json(run)
 
     scenarios = _command(commands, "scenarios", _scenarios, "list the scenarios that come with Heliograph")

@@ -67,8 +67,10 @@ class Outcome:
     startup_s: float
     """From nothing to all robots ready."""
     overruns: int
-    seconds: dict[str, float]
-    """Wall-clock seconds by section of the broker's work."""
+    recording_s: float
+    """Wall-clock time the broker spent recording, much of it while robots computed."""
+    recording_cpu_s: float
+    """Processor time it took."""
     score: dict[str, Any]
 
     def summary(self) -> dict[str, Any]:
@@ -121,7 +123,8 @@ def run(scenario: Scenario, options: Options) -> Outcome:
         wall_s=timing.wall_s,
         startup_s=timing.startup_s,
         overruns=timing.overruns,
-        seconds=timing.seconds,
+        recording_s=timing.recording_s,
+        recording_cpu_s=timing.recording_cpu_s,
         score=score(options.out, scenario.folder),
     )
 
@@ -169,7 +172,8 @@ class _Timing:
     wall_s: float
     startup_s: float
     overruns: int
-    seconds: dict[str, float]
+    recording_s: float
+    recording_cpu_s: float
 
 
 def _run(
@@ -212,9 +216,11 @@ def _run(
     except RobotFailure as failure:
         fleet.close()  # first: the robot's last words come with its end
         raise _failed(failure, fleet, engine.progress, options, recorder) from None
-    recorder.finish(_result(progress))
+    with watch.section("recording"):
+        recorder.finish(_result(progress))
     wall_s = time.perf_counter() - ready
-    return progress, _Timing(wall_s, ready - begun, pacer.overruns, dict(watch.seconds))
+    recording = watch.wall_s["recording"], watch.cpu_s["recording"]
+    return progress, _Timing(wall_s, ready - begun, pacer.overruns, *recording)
 
 
 def _failed(

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.measure import environment, load_average
-from tests.bench.plan import FULL, QUICK, Bench, Samples
+from tests.bench.plan import FULL, QUICK, SPEED, Bench, Samples
 from tests.bench.report import TABLES, spread, tables
 
 
@@ -32,6 +32,7 @@ def main(arguments: Sequence[str]) -> int:
     about |= {"load afterwards": load_average(), "took": f"{time.monotonic() - begun:.0f} s"}
     print(tables(samples, names))
     print(f"\ncores busy with anything else while measuring: {spread(samples.everywhere('others_cores'), 2)}")
+    print(f"a pass of a fixed Python loop: {spread(samples.values(SPEED, 'pass_ns'))} ns")
     print(f"took {about['took']}, load average afterwards {about['load afterwards']}")
     if options.json is not None:
         options.json.write_text(json.dumps(_document(about, samples), indent=1) + "\n")

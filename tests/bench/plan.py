@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from tests.bench.bare import measure_bare
 from tests.bench.floor import Sizes, measure_floor
-from tests.bench.measure import Figures, SampleFailed, in_fresh_process
+from tests.bench.measure import Figures, SampleFailed, in_fresh_process, measure_speed
 from tests.bench.product import measure_product, measure_sizes, measure_startup, sizes_of
 
 TEAMS = (10, 30, 100)
@@ -24,6 +24,10 @@ class Cell:
 
     def __str__(self) -> str:
         return f"{self.kind}, {self.robots} robots"
+
+
+SPEED = Cell("speed", 1)
+"""Measured in every round, whatever else is: runs on different days are compared by it."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,8 @@ class Bench:
 
     def run(self, tables: Iterable[str]) -> Samples:
         """Measure what these tables need. A sample that fails is told of and left out."""
-        cells = list(dict.fromkeys(cell for table in tables for cell in NEEDS[table]))
+        needed = (cell for table in tables for cell in NEEDS[table])
+        cells = list(dict.fromkeys([SPEED, *needed]))
         self._measure_sizes(cells)
         for number in range(1, self._effort.rounds + 1):
             done: dict[Cell, Figures] = {}
@@ -139,6 +144,8 @@ class Bench:
                 return in_fresh_process(measure_floor, robots, dense, turns, effort.floor_activations)
             case "startup":
                 return in_fresh_process(measure_startup, robots)
+            case "speed":
+                return in_fresh_process(measure_speed)
         raise ValueError(f"no cell is called {cell.kind}")
 
 

@@ -40,7 +40,7 @@ def measure_product(workload: Workload, robots: int, duration_s: float, fleet: F
     return {
         **probe.figures(),
         "realtime": to_s(outcome.progress.now_ns) / outcome.wall_s,
-        "recording_share": outcome.seconds.get("recording", 0.0) / outcome.wall_s,
+        "recording_share": outcome.recording_s / outcome.wall_s,
         "startup_s": outcome.startup_s,
         "log_bytes": log_bytes / activations,
     }
