@@ -28,6 +28,10 @@ class Reason(IntEnum):
     """The sender itself."""
 
 
+# A plain number: looking a member up in its enumeration costs as much as a small array operation.
+_DELIVERED = np.uint8(Reason.delivered)
+
+
 class Batch(Struct, frozen=True, gc=False):
     """Transmissions that start at one instant: T of them, in a team of N robots."""
 
@@ -53,6 +57,17 @@ class Fates(Struct, frozen=True, gc=False):
     """(T, N) codes of `Reason`."""
     delay_ns: NDArray[np.int64]
     """(T, N) from the start of the transmission to its reception; meaningful where delivered."""
+
+    def deliveries(self) -> list[tuple[list[int], list[int]]]:
+        """For each transmission the receivers it reaches, ascending, and the delay to each [ns]."""
+        if len(self.reason) == 1:  # slotted radios speak one at a time: no matrix is needed for a row
+            receivers = np.flatnonzero(self.reason[0] == _DELIVERED)
+            return [(receivers.tolist(), self.delay_ns[0, receivers].tolist())]
+        rows, receivers = np.nonzero(self.reason == _DELIVERED)
+        reached, delays = receivers.tolist(), self.delay_ns[rows, receivers].tolist()
+        ends = np.bincount(rows, minlength=len(self.reason)).cumsum().tolist()
+        starts = [0, *ends[:-1]]
+        return [(reached[start:end], delays[start:end]) for start, end in zip(starts, ends, strict=True)]
 
 
 class Gate(Protocol):

@@ -37,6 +37,7 @@ from channels.units import airtime_ns, to_ns
 __all__ = ["Fates", "Medium", "Reason"]
 
 _DELIVERED = np.uint8(Reason.delivered)
+_NOT_A_CANDIDATE = np.uint8(Reason.not_a_candidate)
 
 
 class Medium:
@@ -104,7 +105,7 @@ class Medium:
         """
         batch = Batch(now_ns, senders, seqs, airtimes_ns, refused, positions, listening)
         reason = np.zeros((len(senders), len(positions)), dtype=np.uint8)
-        reason[np.arange(len(senders)), senders] = Reason.not_a_candidate
+        reason[np.arange(len(senders)), senders] = _NOT_A_CANDIDATE
         for gate in self._gates:
             refusals = gate.refuses(batch)
             if refusals is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -104,18 +104,6 @@ class Airwaves:
         )
         self._counts += np.bincount(fates.reason.ravel(), minlength=256)
         return fates
-
-    def deliveries(self, now_ns: int, fates: Fates) -> Iterator[tuple[int, list[int], list[int]]]:
-        """For each transmission that reaches anybody: row, receivers, instants of reception [ns]."""
-        rows, columns = np.nonzero(fates.reason == Reason.delivered)
-        arrivals = (fates.delay_ns[rows, columns] + now_ns).tolist()
-        receivers = columns.tolist()
-        ends = np.cumsum(np.bincount(rows, minlength=len(fates.reason))).tolist()
-        start = 0
-        for row, end in enumerate(ends):
-            if end > start:
-                yield row, receivers[start:end], arrivals[start:end]
-            start = end
 
     def switch_off(self, robot: int) -> None:
         """Nothing reaches this robot from now on."""

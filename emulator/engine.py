@@ -34,7 +34,7 @@ from channels.messages import (
     encode,
 )
 from channels.units import NS_PER_S, to_ns
-from emulator.airwaves import Airwaves
+from emulator.airwaves import Airwaves, Starting
 from emulator.eyes import Eyes
 from emulator.fleet import Fleet, RobotFailure
 from emulator.lamps import Lamps
@@ -307,18 +307,24 @@ class Engine:
         if batch is None:
             return
         fates = airwaves.decide(now, batch, self._parts.world.positions(now))
-        self._record(self._parts.recorder.radio_batch, now, *batch.for_record(), fates.reason, fates.delay_ns)
+        deliveries = fates.deliveries()
+        self._record(self._parts.recorder.radio_batch, now, *batch.for_record(), fates.reason, deliveries)
+        for row, (receivers, delays_ns) in enumerate(deliveries):
+            self._post(batch, row, now, receivers, delays_ns)
+
+    def _post(self, batch: Starting, row: int, now: int, receivers: list[int], delays_ns: list[int]) -> None:
+        """Send one transmission on its way, encoded once for all whose clocks read the same."""
         clocks, awaits = self._parts.clocks, self._awaits
-        for row, receivers, arrivals in airwaves.deliveries(now, fates):
-            encoded: dict[int, Raw] = {}
-            for receiver, arrival in zip(receivers, arrivals, strict=True):
-                reads = arrival if clocks is None else clocks[receiver].local(arrival)
-                raw = encoded.get(reads)
-                if raw is None:
-                    raw = encoded[reads] = batch.message(row, reads)
-                self._messages.post(receiver, arrival, raw)
-                if awaits[receiver] & AWAITS_RADIO:
-                    self._wake(receiver, arrival)
+        encoded: dict[int, Raw] = {}
+        for receiver, delay_ns in zip(receivers, delays_ns, strict=True):
+            arrival = now + delay_ns
+            reads = arrival if clocks is None else clocks[receiver].local(arrival)
+            raw = encoded.get(reads)
+            if raw is None:
+                raw = encoded[reads] = batch.message(row, reads)
+            self._messages.post(receiver, arrival, raw)
+            if awaits[receiver] & AWAITS_RADIO:
+                self._wake(receiver, arrival)
 
     def _expose(self, now: int) -> None:
         eyes = self._parts.eyes

@@ -10,18 +10,15 @@ import base64
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from channels.fates import Reason
 from channels.messages import MessageError, decode_payload, has_non_finite
 from channels.visual import Capture
 from logs.schemas import LOSSES
-
-Ints: TypeAlias = "Sequence[int] | NDArray[np.integer[Any]]"
 
 # Dates and the like have no form of their own in JSON: their owner is to choose one.
 _STRICT = orjson.OPT_PASSTHROUGH_DATETIME | orjson.OPT_PASSTHROUGH_DATACLASS | orjson.OPT_PASSTHROUGH_SUBCLASS
@@ -48,44 +45,37 @@ def embed_entry(robot: str, name: str, text: bytes) -> bytes:
 
 
 def encode_transmissions(
-    robots: NDArray[np.object_],
-    senders: Ints,
-    seqs: Ints,
+    robots: Sequence[str],
+    senders: Sequence[int],
+    seqs: Sequence[int],
     payloads: Sequence[bytes],
-    bits: Ints,
+    bits: Sequence[int],
     slots: Sequence[int | None],
-    airtimes_ns: Ints,
+    airtimes_ns: Sequence[int],
     reasons: NDArray[np.uint8],
-    delays_ns: NDArray[np.int64],
+    deliveries: Sequence[tuple[list[int], list[int]]],
 ) -> Iterator[bytes]:
     """Records of /radio as JSON, one per transmission; arguments as in `Recorder.radio_batch`.
 
-    `robots` (N,) are all ids. A payload is shown as what its msgpack says, with bytes in it as
+    `robots` are all ids. A payload is shown as what its msgpack says, with bytes in it as
     {"base64": text}; so is the whole payload where it is no msgpack, or says what JSON cannot.
     """
-    heard = reasons == Reason.delivered
-    receivers = robots[heard.nonzero()[1]].tolist()
-    delays = delays_ns[heard].tolist()
-    ends = np.cumsum(heard.sum(axis=1)).tolist()
-    columns = (
-        robots[np.asarray(senders, dtype=np.intp)].tolist(), _plain(seqs), payloads, _plain(bits), slots,
-        _plain(airtimes_ns), ends, _dropped(reasons, robots),
-    )  # fmt: skip
-    start = 0
-    for sender, seq, payload, size, slot, airtime_ns, end, dropped in zip(*columns, strict=True):
+    columns = senders, seqs, payloads, bits, slots, airtimes_ns, deliveries, _dropped(reasons, robots)
+    for sender, seq, payload, size, slot, airtime_ns, (receivers, delays_ns), dropped in zip(
+        *columns, strict=True
+    ):
         record = {
-            "from": sender,
+            "from": robots[sender],
             "seq": seq,
             "payload": None,
             "bits": size,
             "slot": slot,
             "airtime_ns": airtime_ns,
-            "delivered": receivers[start:end],
-            "delay_ns": delays[start:end],
+            "delivered": [robots[receiver] for receiver in receivers],
+            "delay_ns": delays_ns,
             "dropped": dropped,
         }
         yield _with_payload(record, payload)
-        start = end
 
 
 def encode_camera(capture: Capture, robots: Sequence[str]) -> bytes:
@@ -113,15 +103,14 @@ def _entry_head(robot: str, name: str) -> bytes:
     return orjson.dumps({"robot": robot, "entry": name})[:-1] + b',"data":'
 
 
-def _dropped(reasons: NDArray[np.uint8], robots: NDArray[np.object_]) -> list[dict[str, list[str]]]:
+def _dropped(reasons: NDArray[np.uint8], robots: Sequence[str]) -> list[dict[str, list[str]]]:
     """Per transmission the receivers in range that did not get it, by reason."""
     dropped: list[dict[str, list[str]]] = [{} for _ in range(len(reasons))]
     rows, columns = _IS_LOSS[reasons].nonzero()
     if len(rows):
         codes = reasons[rows, columns].tolist()
-        receivers = robots[columns].tolist()
-        for row, code, receiver in zip(rows.tolist(), codes, receivers, strict=True):
-            dropped[row].setdefault(LOSSES[code], []).append(receiver)
+        for row, code, receiver in zip(rows.tolist(), codes, columns.tolist(), strict=True):
+            dropped[row].setdefault(LOSSES[code], []).append(robots[receiver])
     return dropped
 
 
@@ -138,10 +127,6 @@ def _with_payload(record: dict[str, Any], payload: bytes) -> bytes:
     except TypeError:
         record["payload"] = payload
         return orjson.dumps(record, _base64)
-
-
-def _plain(values: Ints) -> Sequence[int]:
-    return values.tolist() if isinstance(values, np.ndarray) else values
 
 
 def _rounded(values: NDArray[np.float32], digits: int) -> list[float]:

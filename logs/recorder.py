@@ -16,7 +16,6 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from numpy.typing import NDArray
 
-from channels.fates import Reason
 from channels.units import NS_PER_S
 from channels.visual import Capture
 from logs import RESULT_METADATA, RUN_METADATA, Attachment, LogError, sha256_of
@@ -74,9 +73,8 @@ class Recorder:
         _check_texts(run or {})
         self.path = path
         self._robots = list(robots)
-        self._robot_array = np.array(self._robots, dtype=object)
         self._scene = SceneEncoder(self._robots, arena_m)
-        self._links = np.zeros((len(self._robots), len(self._robots)), dtype=bool)
+        self._heard: list[tuple[int, list[int]]] = []
         self._repeat_at_ns = 0
         self._now_ns = 0
         self._flush_at_ns = 0
@@ -97,47 +95,28 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.abort()
 
-    def radio(
-        self,
-        now_ns: int,
-        sender: int,
-        seq: int,
-        payload: bytes,
-        bits: int,
-        slot: int | None,
-        airtime_ns: int,
-        reason: NDArray[np.uint8],
-        delay_ns: NDArray[np.int64],
-    ) -> None:
-        """Record one transmission; `reason` and `delay_ns` (N,) as in `radio_batch`."""
-        self.radio_batch(
-            now_ns, [sender], [seq], [payload], [bits], [slot], [airtime_ns], reason[None], delay_ns[None]
-        )
-
     def radio_batch(
         self,
         now_ns: int,
-        senders: Sequence[int] | NDArray[np.integer[Any]],
-        seqs: Sequence[int] | NDArray[np.integer[Any]],
+        senders: Sequence[int],
+        seqs: Sequence[int],
         payloads: Sequence[bytes],
-        bits: Sequence[int] | NDArray[np.integer[Any]],
+        bits: Sequence[int],
         slots: Sequence[int | None],
-        airtimes_ns: Sequence[int] | NDArray[np.integer[Any]],
+        airtimes_ns: Sequence[int],
         reasons: NDArray[np.uint8],
-        delays_ns: NDArray[np.int64],
+        deliveries: Sequence[tuple[list[int], list[int]]],
     ) -> None:
         """Record the T transmissions that start now, on /radio.
 
         `senders` are robot indices; `reasons` (T, N) codes of `Reason`, of which `out_of_range` and the
-        sender itself are left out; `delays_ns` (T, N) from start to reception, read where delivered.
+        sender itself are left out; `deliveries` as `Fates.deliveries` gives them.
         """
         if not self._ready(now_ns):
             return
-        heard = reasons == Reason.delivered
-        rows, columns = heard.nonzero()
-        self._links[np.asarray(senders, dtype=np.intp)[rows], columns] = True
+        self._heard += zip(senders, (receivers for receivers, _ in deliveries), strict=True)
         encoded = encode_transmissions(
-            self._robot_array, senders, seqs, payloads, bits, slots, airtimes_ns, reasons, delays_ns
+            self._robots, senders, seqs, payloads, bits, slots, airtimes_ns, reasons, deliveries
         )
         for record in encoded:
             self._put(_RADIO, now_ns, record)
@@ -181,8 +160,15 @@ class Recorder:
             self._put(_CHANNEL[topic.LABELS], now_ns, scene.labels(now_ns))
         self._put(_CHANNEL[topic.TF], now_ns, scene.transforms(now_ns, poses))
         self._put(_CHANNEL[topic.LIGHTS], now_ns, scene.lights(now_ns, poses, lamps))
-        self._put(_CHANNEL[topic.LINKS], now_ns, scene.links(now_ns, poses, self._links))
-        self._links[:] = False
+        self._put(_CHANNEL[topic.LINKS], now_ns, scene.links(now_ns, poses, self._links()))
+        self._heard.clear()
+
+    def _links(self) -> NDArray[np.bool_]:
+        """(N, N): who was heard by whom since the last scene."""
+        links = np.zeros((len(self._robots), len(self._robots)), dtype=bool)
+        for sender, receivers in self._heard:
+            links[sender, receivers] = True
+        return links
 
     def finish(self, result: Mapping[str, str]) -> None:
         """Write how the run ended, with count and digest of every topic, and close. Idempotent.

@@ -251,3 +251,18 @@ def test_tdma_without_settings_is_refused() -> None:
         medium(access="tdma")
     assert medium().schedule is None
     assert list(medium().slots) == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("transmissions", [1, 2, 5])
+def test_deliveries_list_what_the_matrices_say(transmissions: int) -> None:
+    rng = np.random.default_rng(transmissions)
+    reason = rng.choice(np.array([0, 1, 5, 255], np.uint8), (transmissions, 7))
+    delay_ns = rng.integers(1, 1000, (transmissions, 7))
+    assert Fates(reason, delay_ns).deliveries() == [
+        (
+            [b for b in range(7) if reason[row, b] == 0],
+            [int(delay_ns[row, b]) for b in range(7) if reason[row, b] == 0],
+        )
+        for row in range(transmissions)
+    ]
+    assert Fates(np.full_like(reason, 1), delay_ns).deliveries() == [([], [])] * transmissions

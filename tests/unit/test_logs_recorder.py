@@ -19,6 +19,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 
 import logs.recorder
+from channels.fates import Fates
 from channels.visual import Capture
 from logs import Attachment, LogError, sha256_of
 from logs.reader import LogReader
@@ -63,7 +64,10 @@ def capture(
 def send(recorder: Recorder, now_ns: int, payload: bytes, sender: int = 0) -> None:
     reason = np.zeros(4, dtype=np.uint8)
     reason[sender] = 255
-    recorder.radio(now_ns, sender, 1, payload, 8 * len(payload), None, 0, reason, np.full(4, 1000, np.int64))
+    fates = Fates(reason[None], np.full((1, 4), 1000, np.int64))
+    recorder.radio_batch(
+        now_ns, [sender], [1], [payload], [8 * len(payload)], [None], [0], fates.reason, fates.deliveries()
+    )
 
 
 def write_everything(recorder: Recorder, seconds: int = 3) -> None:
@@ -151,16 +155,13 @@ def test_publish_time_is_log_time(tmp_path: Path) -> None:
 
 def test_a_transmission_is_recorded_with_its_fate_at_every_receiver_in_range(tmp_path: Path) -> None:
     def steps(recorder: Recorder) -> None:
-        recorder.radio_batch(
-            5,
-            np.array([1, 3]),
-            np.array([17, 4]),
-            [msgspec.msgpack.encode({"id": "r01"}), msgspec.msgpack.encode([1.5, None])],
-            np.array([80, 96]),
-            [2, None],
-            np.array([1000, 0]),
+        fates = Fates(
             np.array([[0, 255, 5, 0], [1, 6, 5, 255]], dtype=np.uint8),
             np.array([[7, 0, 0, 9], [0, 0, 0, 0]], dtype=np.int64),
+        )
+        payloads = [msgspec.msgpack.encode({"id": "r01"}), msgspec.msgpack.encode([1.5, None])]
+        recorder.radio_batch(
+            5, [1, 3], [17, 4], payloads, [80, 96], [2, None], [1000, 0], fates.reason, fates.deliveries()
         )
 
     assert records(tmp_path / "a.mcap", steps, "/radio") == [

@@ -103,7 +103,8 @@ def test_a_recorded_scene_shows_deliveries_since_the_last_and_repeats_what_is_co
 ) -> None:
     lamps = np.zeros(3, dtype=np.uint8)
     with Recorder(tmp_path / "a.mcap", ROBOTS) as recorder:
-        recorder.radio(0, 2, 1, b"\xc0", 8, None, 0, np.array([0, 5, 255], np.uint8), np.ones(3, np.int64))
+        reasons = np.array([[0, 5, 255]], np.uint8)
+        recorder.radio_batch(0, [2], [1], [b"\xc0"], [8], [None], [0], reasons, [([0], [1])])
         for second in range(12):
             recorder.scene(second * S, POSES, lamps)
     with LogReader(tmp_path / "a.mcap") as log:
