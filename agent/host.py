@@ -32,9 +32,8 @@ class RobotHost:
     def __init__(self, hello: Hello, behaviour: Behaviour) -> None:
         self._loop = GrantedTimeLoop(hello.clock_ns)
         self._outbox = Outbox()
-        loop = self._loop
-        self._robot = Robot(hello, self._outbox, lambda: loop.now_ns)
-        self._task = loop.create_task(behaviour(self._robot), name=hello.robot)
+        self._robot = Robot(hello, self._outbox, self._loop)
+        self._task = self._loop.create_task(behaviour(self._robot), name=hello.robot)
 
     def exchange(self, raw: bytes) -> bytes | None:
         """Take a grant, run the robot until it is idle, return its report (both as msgpack).

@@ -8,8 +8,8 @@ the transmit queue.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 
+from agent.clock import Clock
 from agent.outbox import Outbox
 from agent.waiting import Mailbox
 from channels.messages import Message, RadioPlan, Transmission, encode_payload
@@ -24,10 +24,10 @@ class MessageTooLong(ValueError):
 class Radio:
     """Broadcast and receive. Messages wait here until the behaviour takes them."""
 
-    def __init__(self, plan: RadioPlan, outbox: Outbox, now_ns: Callable[[], int]) -> None:
+    def __init__(self, plan: RadioPlan, outbox: Outbox, clock: Clock) -> None:
         self._plan = plan
         self._outbox = outbox
-        self._now_ns = now_ns
+        self._clock = clock
         self._inbox: Mailbox[Message] = Mailbox()
         self._access = SlotAccess(plan) if plan.slot_ns else None
 
@@ -43,7 +43,7 @@ class Radio:
                 f"a payload of {len(raw)} bytes; the scenario's radio.max_payload_bytes is "
                 f"{self._plan.max_payload_bytes}"
             )
-        now = self._now_ns()
+        now = self._clock.now_ns
         start = now if self._access is None else self._access.start(now, len(raw))
         if start is None:
             self._outbox.transmit(Transmission(now, raw, refused=True))

@@ -10,13 +10,14 @@ async def roll_call(robot: Robot) -> None:
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from itertools import compress
 from typing import Any
 
-import numpy as np
+from numpy.random import Generator, default_rng  # here, so that it is loaded before robots are forked
 
+from agent.clock import Clock
 from agent.drivers.body import Body
 from agent.drivers.camera import Camera, Frame
 from agent.drivers.lamp import Lamp
@@ -29,33 +30,33 @@ from channels.units import to_ns, to_s
 class Robot:
     """Radio, lamp, camera, body, randomness, parameters and log of one robot."""
 
-    def __init__(self, hello: Hello, outbox: Outbox, now_ns: Callable[[], int]) -> None:
+    def __init__(self, hello: Hello, outbox: Outbox, clock: Clock) -> None:
         self.id: str = hello.robot
         """Own name, which is also its network address (wireless id)."""
         self.params: Mapping[str, Any] = hello.params
         """The scenario's [params] for this robot."""
-        self.radio = Radio(hello.radio, outbox, now_ns)
-        self.lamp = Lamp(hello.colours, outbox, now_ns)
+        self.radio = Radio(hello.radio, outbox, clock)
+        self.lamp = Lamp(hello.colours, outbox, clock)
         self.camera = Camera()
         self.body = Body(hello.pose, outbox)
         self._seed = hello.rng_seed
         self._outbox = outbox
-        self._now_ns = now_ns
+        self._clock = clock
 
     @property
     def now_ns(self) -> int:
         """Reading of the robot's own clock [ns]."""
-        return self._now_ns()
+        return self._clock.now_ns
 
     @property
     def now_s(self) -> float:
         """Reading of the robot's own clock [s]; the time base of the event loop."""
-        return to_s(self._now_ns())
+        return to_s(self._clock.now_ns)
 
     @cached_property
-    def rng(self) -> np.random.Generator:
+    def rng(self) -> Generator:
         """The robot's own random generator, a function of (scenario seed, robot id) alone."""
-        return np.random.default_rng(self._seed)
+        return default_rng(self._seed)
 
     def steps(self, period: float) -> Steps:
         """Common time steps of `period` seconds, counted from 0 on the own clock.
@@ -119,7 +120,8 @@ class Step:
 
     async def observe(self) -> Observation:
         """Wait for the end of the step; then what has been heard and seen and not taken before."""
-        await _until(self.end_ns, self._robot.now_ns)
+        if self.end_ns > self._robot.now_ns:
+            await _sleep_until(self.end_ns)
         return Observation(self._robot.radio.received(), self._robot.camera.frames())
 
 
@@ -138,16 +140,16 @@ class Steps:
 
     async def __anext__(self) -> Step:
         period = self._period_ns
-        index = max(self._next, self._robot.now_ns // period)
+        now_ns = self._robot.now_ns
+        index = max(self._next, now_ns // period)
         self._next = index + 1
-        await _until(index * period, self._robot.now_ns)
+        if index * period > now_ns:
+            await _sleep_until(index * period)
         return Step(self._robot, index, period)
 
 
-async def _until(when_ns: int, now_ns: int) -> None:
+async def _sleep_until(when_ns: int) -> None:
     """Sleep until an instant of the own clock; the deadline is exact, not a duration from now."""
-    if when_ns <= now_ns:
-        return
     loop = asyncio.get_running_loop()
     reached = loop.create_future()
     timer = loop.call_at(to_s(when_ns), _arrive, reached)

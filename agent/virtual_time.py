@@ -124,6 +124,9 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
 
     rounds_limit = 1_000_000
 
+    now_ns: int
+    """The granted instant in nanoseconds; only `advance_to` changes it. No property: it is read often."""
+
     _ready: collections.deque[Any]
     _scheduled: list[Any]
     _timer_cancelled_count: int
@@ -159,11 +162,6 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
 
     # ---- granted time
 
-    @property
-    def now_ns(self) -> int:
-        """The granted instant in nanoseconds."""
-        return self._now_ns
-
     def time(self) -> float:
         """The granted instant in seconds, as asyncio reads it."""
         return self._now_s
@@ -173,15 +171,15 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
 
         Raises ValueError when that is earlier than now, or later than `MAX_TIME_NS`.
         """
-        if not self._now_ns <= now_ns <= MAX_TIME_NS:
+        if not self.now_ns <= now_ns <= MAX_TIME_NS:
             raise ValueError(
-                f"virtual time is {self._now_ns} ns and cannot go to {now_ns} ns: "
+                f"virtual time is {self.now_ns} ns and cannot go to {now_ns} ns: "
                 f"it never goes back, and ends at {MAX_TIME_NS} ns"
             )
         self._set_now(now_ns)
 
     def _set_now(self, now_ns: int) -> None:
-        self._now_ns = now_ns
+        self.now_ns = now_ns
         self._now_s = now_s = now_ns / NS_PER_S
         self._due_before_s = now_s + _RESOLUTION_S
 
@@ -258,7 +256,7 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
                     except BaseException as error:
                         self._report(handle, error)
         raise RuntimeError(
-            f"not idle after {self.rounds_limit} rounds at {self._now_ns} ns of virtual time: does a task "
+            f"not idle after {self.rounds_limit} rounds at {self.now_ns} ns of virtual time: does a task "
             "repeat asyncio.sleep(0) until something happens? Time stands still until it waits"
         )
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
+from agent.clock import Clock
 from agent.outbox import Outbox
 from channels.messages import LampCommand
 
@@ -18,14 +18,14 @@ class Ending(Protocol):
 class Lamp:
     """Off (0) or one of `colours` colours (1, 2, ...)."""
 
-    def __init__(self, colours: int, outbox: Outbox, now_ns: Callable[[], int]) -> None:
+    def __init__(self, colours: int, outbox: Outbox, clock: Clock) -> None:
         self.colours = colours
         self._outbox = outbox
-        self._now_ns = now_ns
+        self._clock = clock
 
     def show(self, colour: int) -> None:
         """Show a colour, or 0 for off, until told otherwise. ValueError for a colour it has not."""
-        self._command(self._now_ns(), colour)
+        self._command(self._clock.now_ns, colour)
 
     def on(self) -> None:
         """Show colour 1."""
@@ -37,7 +37,7 @@ class Lamp:
 
     def flash(self, step: Ending, colour: int = 1) -> None:
         """Be lit from now to the end of a step. ValueError for a colour it has not."""
-        self._command(self._now_ns(), colour)
+        self._command(self._clock.now_ns, colour)
         self._command(step.end_ns, 0)
 
     def _command(self, at_ns: int, colour: int) -> None:

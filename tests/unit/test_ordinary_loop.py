@@ -16,11 +16,23 @@ from tests.properties.test_virtual_time_order import jumping_loop
 NAMES = [f"r{number}" for number in range(6)]
 
 
+class LoopClock:
+    """The clock of whatever loop a robot runs on."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+
+    @property
+    def now_ns(self) -> int:
+        return round(self._loop.time() * 1e9)
+
+
 class Room:
     """Robots in one room: everybody hears and sees everybody, at once, on whatever loop is running."""
 
     def __init__(self, step_s: float) -> None:
         loop = asyncio.get_running_loop()
+        clock = LoopClock(loop)
         plan = RadioPlan(100, 0, None, 10)
         params = {"step_s": step_s, "transmission_probability": 0.5}
         hellos = [
@@ -28,8 +40,7 @@ class Room:
         ]
         self.outboxes = [Outbox() for _ in NAMES]
         self.robots = [
-            Robot(hello, outbox, lambda: round(loop.time() * 1e9))
-            for hello, outbox in zip(hellos, self.outboxes, strict=True)
+            Robot(hello, outbox, clock) for hello, outbox in zip(hellos, self.outboxes, strict=True)
         ]
         self.entries: list[list[bytes]] = [[] for _ in NAMES]
 

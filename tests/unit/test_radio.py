@@ -15,6 +15,12 @@ TDMA = RadioPlan(
 )  # fmt: skip
 
 
+class AtZero:
+    """A clock that stands still."""
+
+    now_ns = 0
+
+
 def test_messages_fill_own_slots_in_order() -> None:
     # the second of three slots of 100 ms, of which 10 ms are guard; one byte takes 8 ms
     access = SlotAccess(TDMA)
@@ -39,7 +45,7 @@ def test_what_fits_no_slot_is_refused_at_once() -> None:
 
 def test_limits_of_broadcast() -> None:
     outbox = Outbox()
-    radio = Radio(RadioPlan(4, 0, None, 1), outbox, lambda: 0)
+    radio = Radio(RadioPlan(4, 0, None, 1), outbox, AtZero())
     assert radio.broadcast("abc")
     with pytest.raises(MessageTooLong, match="a payload of 5 bytes"):
         radio.broadcast("abcd")
@@ -53,7 +59,7 @@ def test_limits_of_broadcast() -> None:
 async def test_receiving_on_an_ordinary_loop_loses_nothing_when_cancelled() -> None:
     import asyncio
 
-    radio = Radio(RadioPlan(4, 0, None, 1), Outbox(), lambda: 0)
+    radio = Radio(RadioPlan(4, 0, None, 1), Outbox(), AtZero())
     impatient = asyncio.ensure_future(radio.receive())
     patient = asyncio.ensure_future(radio.receive())
     await asyncio.sleep(0)
