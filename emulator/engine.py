@@ -331,10 +331,12 @@ class Engine:
         assert eyes is not None
         heappush(self._heap, (eyes.next_exposure_ns(), Event.EXPOSURE, 0))
         lamps = self._parts.lamps.colours(now).copy()
-        capture = eyes.expose(now, self._parts.world.poses(now), lamps, sorted(self._running))
+        poses = self._parts.world.poses(now)
+        capture = eyes.expose(now, poses, lamps, sorted(self._running))
         if capture.entered or capture.left:
             self._record(self._parts.recorder.truth, now, eyes.identities(capture))
         self._record(self._parts.recorder.camera, now, capture)
+        self._record(self._parts.recorder.lights, now, poses, lamps)
         available = now + eyes.latency_ns
         for robot, frame in eyes.frames(now, capture, self._parts.clocks):
             self._frames.post(robot, available, frame)

@@ -159,9 +159,14 @@ class Recorder:
             self._put(_CHANNEL[topic.ROBOTS], now_ns, scene.bodies(now_ns))
             self._put(_CHANNEL[topic.LABELS], now_ns, scene.labels(now_ns))
         self._put(_CHANNEL[topic.TF], now_ns, scene.transforms(now_ns, poses))
-        self._put(_CHANNEL[topic.LIGHTS], now_ns, scene.lights(now_ns, poses, lamps))
+        self.lights(now_ns, poses, lamps)
         self._put(_CHANNEL[topic.LINKS], now_ns, scene.links(now_ns, poses, self._links()))
         self._heard.clear()
+
+    def lights(self, now_ns: int, poses: NDArray[np.float64], lamps: NDArray[np.uint8]) -> None:
+        """Record which lamps are lit now; arguments as in `scene`."""
+        if self._ready(now_ns):
+            self._put(_CHANNEL[topic.LIGHTS], now_ns, self._scene.lights(now_ns, poses, lamps))
 
     def _links(self) -> NDArray[np.bool_]:
         """(N, N): who was heard by whom since the last scene."""

@@ -29,7 +29,7 @@ from channels.units import NS_PER_S
 WORLD = "world"
 """Frame that robots move in."""
 
-_DARK = (70, 70, 80, 255)
+_DARK = (110, 110, 125, 255)
 _LIT = (
     (255, 240, 140, 255),
     (255, 80, 70, 255),

@@ -11,6 +11,7 @@ from pathlib import Path
 import orjson
 import pytest
 
+from emulator.errors import RunFailed
 from logs.compare import first_difference
 from tests.determinism.scenarios import BEHAVIOUR, SCENARIOS
 from tests.support import heliograph, run_scenario, write_scenario
@@ -118,6 +119,21 @@ def test_pace_does_not_matter(tmp_path: Path) -> None:
         )  # fmt: skip
         digests.add(orjson.loads(done.stdout)["digest"])
     assert len(digests) == 1
+
+
+@pytest.mark.processes
+def test_a_failed_run_leaves_the_same_log_with_either_fleet(tmp_path: Path) -> None:
+    failing = BEHAVIOUR.replace(
+        'robot.log("talk"', 'assert robot.id != "r03" or robot.now_s < 1.5\n        robot.log("talk"'
+    )
+    scenario = write_scenario(tmp_path, failing, SCENARIOS["lossy-jittery-radio"])
+    logs = []
+    for number, fleet in enumerate(("zenoh", "zenoh", "in_process")):
+        logs.append(tmp_path / f"{number}.mcap")
+        with pytest.raises(RunFailed, match="robot r03 failed: ExceptionGroup"):
+            run_scenario(scenario, logs[-1], fleet)
+    assert_same(logs[0], logs[1])
+    assert_same(logs[0], logs[2])
 
 
 @pytest.mark.processes

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import databeam_mcap_reader
 import orjson
 import pytest
 
@@ -88,6 +89,12 @@ def test_info(finished: tuple[Path, dict[str, Any]]) -> None:
         }
     assert about["duration_s"] == pytest.approx(result["virtual_s"])
     assert "/radio" in heliograph("info", out).stdout
+
+
+def test_a_validator_that_is_not_ours_finds_nothing(finished: tuple[Path, dict[str, Any]]) -> None:
+    tool = Path(databeam_mcap_reader.__file__).parent / "mcap_cli"  # the official `mcap` command
+    done = subprocess.run([tool, "doctor", finished[0]], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 
 def test_scenarios_and_check() -> None:
