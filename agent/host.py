@@ -7,17 +7,20 @@ change what it does.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import sys
 import traceback
 
+from agent.endings import sentence
 from agent.loading import Behaviour
-from agent.outbox import Outbox
+from agent.outbox import Outbox, TooMuchAtOnce
 from agent.robot import Robot
 from agent.virtual_time import GrantedTimeLoop
 from channels.messages import (
     AWAITS_CAMERA,
     AWAITS_RADIO,
     END_OF_RUN,
+    MAX_REPORT_BYTES,
     Grant,
     Hello,
     Report,
@@ -38,27 +41,44 @@ class RobotHost:
     def exchange(self, raw: bytes) -> bytes | None:
         """Take a grant, run the robot until it is idle, return its report (both as msgpack).
 
-        None, and the robot is closed, where the grant says that the run is over.
+        None, and the robot is closed, where the grant says that the run is over. Whatever goes wrong
+        with the behaviour is told in the report; only SystemExit and KeyboardInterrupt get out.
         """
         grant = decode_grant(raw)
         if grant.number == END_OF_RUN:
             self.close()
             return None
-        self._accept(grant)
-        self._loop.run_until_idle()
-        return encode(self._report(grant.number))
+        try:
+            self._accept(grant)
+            self._loop.run_until_idle()
+            report = encode(self._report(grant.number))
+            if len(report) > MAX_REPORT_BYTES:
+                raise TooMuchAtOnce(
+                    f"what it did at one instant takes {len(report)} bytes to report, the limit is "
+                    f"{MAX_REPORT_BYTES}; log and send less, or await in between"
+                )
+        except Exception as error:
+            self._outbox.clear()
+            report = encode(Report(grant.number, None, ended=_told(error)))
+        return report
 
     def close(self) -> None:
-        """Cancel what still runs, let it clean up at the present instant, close the loop."""
+        """Cancel what still runs, let it clean up at the present instant, close the loop.
+
+        Whatever goes wrong in that no longer matters to anybody; only KeyboardInterrupt gets out.
+        """
         loop = self._loop
         if loop.is_closed():
             return
         for task in asyncio.all_tasks(loop):
             task.cancel()
-        loop.run_until_idle()
-        if self._task.done() and not self._task.cancelled():
-            self._task.exception()
-        loop.close()
+        try:
+            with contextlib.suppress(Exception, SystemExit):
+                loop.run_until_idle()
+            if self._task.done() and not self._task.cancelled():
+                self._task.exception()
+        finally:
+            loop.close()
 
     def _accept(self, grant: Grant) -> None:
         self._loop.advance_to(grant.now_ns)
@@ -94,5 +114,10 @@ class RobotHost:
         error = self._task.exception()
         if error is None:
             return ""
+        return _told(error)
+
+
+def _told(error: BaseException) -> str:
+    with contextlib.suppress(Exception):  # an error may be unprintable, or standard error closed
         traceback.print_exception(error, file=sys.stderr)
-        return " ".join(f"{type(error).__name__}: {error}".split())
+    return sentence(error)

@@ -10,9 +10,9 @@ async def roll_call(robot: Robot) -> None:
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import KeysView, Mapping
 from functools import cached_property
-from itertools import compress
+from itertools import chain, compress
 from typing import Any
 
 from numpy.random import Generator, default_rng  # here, so that it is loaded before robots are forked
@@ -23,7 +23,7 @@ from agent.drivers.camera import Camera, Frame
 from agent.drivers.lamp import Lamp
 from agent.outbox import Outbox
 from agent.radio import Radio
-from channels.messages import Hello, LogEntry, Message, encode_entry
+from channels.messages import MAX_NAME, Hello, LogEntry, Message, encode_entry
 from channels.units import to_ns, to_s
 
 
@@ -70,7 +70,15 @@ class Robot:
         return Steps(self, period_ns)
 
     def log(self, name: str, data: Mapping[str, Any]) -> None:
-        """Record an entry: what scoring reads. TypeError for what JSON has no form for."""
+        """Record an entry: what scoring reads. Sets are written in order, dicts as they are.
+
+        `name`: 1 to 100 characters. Raises TypeError for what JSON has no form for, ValueError for
+        NaN, infinity and other names, TooMuchAtOnce past 10 000 entries at one instant.
+        """
+        if not 1 <= len(name) <= MAX_NAME:
+            raise ValueError(f"the name of an entry has 1 to {MAX_NAME} characters, not {len(name)}")
+        if not name.isascii():
+            name.encode()  # raises a ValueError where it holds half a character
         self._outbox.log(LogEntry(name, encode_entry(data)))
 
 
@@ -85,16 +93,22 @@ class Observation:
         self.frames = frames
         """Camera frames, in order of exposure."""
 
-    def heard_from(self) -> set[str]:
-        """Network addresses of the robots heard in this step."""
-        return {message.sender for message in self.heard}
+    def heard_from(self) -> KeysView[str]:
+        """Network addresses of the robots heard in this step, each once, in order of arrival.
 
-    def lit(self) -> set[int]:
-        """Visual ids of the robots whose lamp was on in any frame of this step."""
-        lit: set[int] = set()
-        for frame in self.frames:
-            lit.update(compress(frame.visual_ids, frame.lamps))
-        return lit
+        Usable as a set (`in`, `len`, `|`, `&`, `-`), but with an order: going through a `set` of
+        text takes another one in every process, unless PYTHONHASHSEED is fixed as it is for robot
+        processes.
+        """
+        return dict.fromkeys(message.sender for message in self.heard).keys()
+
+    def lit(self) -> KeysView[int]:
+        """Visual ids of the robots whose lamp was on in any frame of this step, in order of sight.
+
+        Usable as a set, as `heard_from` is.
+        """
+        lit = (compress(frame.visual_ids, frame.lamps) for frame in self.frames)
+        return dict.fromkeys(chain.from_iterable(lit)).keys()
 
     def lamps(self) -> dict[int, int]:
         """Visual id -> brightest lamp colour over the frames of this step (0: seen, never lit)."""

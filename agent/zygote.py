@@ -24,9 +24,15 @@ from typing import Annotated
 
 from msgspec import Meta, Struct, msgpack
 
+from agent.endings import exit_code, one_line, sentence
+
 MAX_CONTROL_BYTES = 180_000
 """A control message fits one datagram of the default socket buffer."""
 OUTPUT_CHUNK_BYTES = 16_384
+MAX_ERROR = 2000
+"""Characters of an error text."""
+ROBOTS_PER_SPAWN = 200
+"""So many robots fit one control message, whatever they are called."""
 
 
 class Prepare(Struct, tag="prepare"):
@@ -37,7 +43,7 @@ class Prepare(Struct, tag="prepare"):
 
 
 class Spawn(Struct, tag="spawn"):
-    """Fork these robots (name, password); they connect to `endpoint`."""
+    """Fork these robots (name, password), at most ROBOTS_PER_SPAWN; they connect to `endpoint`."""
 
     endpoint: str
     run: str
@@ -128,11 +134,11 @@ class Zygote:
     def _serve_once(self) -> bool:
         for key, _ in self._selector.select():
             if key.fileobj is self._control:
-                message = self._control.recv(MAX_CONTROL_BYTES)
-                if not message:
+                request = self._receive()
+                if request is None:
                     self._clean_up_after_broker()
                     return False
-                if not self._handle(decode_to_zygote(message)):
+                if not self._handle(request):
                     return False
             elif key.fileobj is self._wakeup:
                 with contextlib.suppress(BlockingIOError):
@@ -141,6 +147,11 @@ class Zygote:
             elif key.fd in self._outputs:  # not one that a robot's end has just closed
                 self._relay(key.fd)
         return True
+
+    def _receive(self) -> ToZygote | None:
+        """The next request, whose bytes nobody keeps: robots inherit what we remember."""
+        message = self._control.recv(MAX_CONTROL_BYTES)
+        return decode_to_zygote(message) if message else None
 
     def _broker_may_be_gone(self, *_: object) -> None:
         """The kernel says so also when only the broker's *thread* that started us has ended.
@@ -176,9 +187,9 @@ class Zygote:
             for behaviour in request.behaviours:
                 load_behaviour(behaviour, self._folder)
         except BehaviourError as error:
-            return str(error)
+            return one_line(str(error), MAX_ERROR)
         except BaseException as error:
-            return f"importing the behaviour ended with {type(error).__name__}: {error}"
+            return f"importing the behaviour ended with {sentence(error)}"
         warm_up()
         gc.collect()
         gc.freeze()  # the collector then leaves shared pages alone
@@ -191,6 +202,7 @@ class Zygote:
         if pid == 0:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             signal_at_death_of(zygote, signal.SIGKILL)
+            request.robots.clear()  # the others' passwords are not for this one
             self._become_robot(request, robot, password, write_end)
         os.close(write_end)
         os.set_blocking(read_end, False)
@@ -219,7 +231,7 @@ class Zygote:
             run_robot(request.endpoint, request.run, robot, password, self._folder)
             code = 0
         except SystemExit as error:
-            code = error.code if isinstance(error.code, int) else int(error.code is not None)
+            code = exit_code(error)
         except BaseException:
             import traceback
 
@@ -272,7 +284,9 @@ class Zygote:
             self._forget_output(output)
 
     def _tell(self, message: FromZygote) -> None:
-        with contextlib.suppress(OSError):  # a broker that is gone shows as an empty read
+        with contextlib.suppress(
+            BrokenPipeError, ConnectionResetError
+        ):  # a broker that is gone shows as an empty read
             self._control.send(encode(message))
 
     def _kill_all(self) -> None:

@@ -111,6 +111,11 @@ class Airwaves:
         listening[robot] = False
         self._listening = listening
 
+    @property
+    def waiting(self) -> int:
+        """Messages that have been handed over and have not started yet."""
+        return len(self._waiting)
+
     def totals(self) -> tuple[int, int, dict[str, int]]:
         """Transmissions sent, deliveries, and drops by reason (over all receivers but the sender)."""
         dropped = {

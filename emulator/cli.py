@@ -12,20 +12,20 @@ from typing import Any
 
 import orjson
 
-from emulator import run as running
+from emulator.assemble import version
 from emulator.errors import RunFailed, UserError
 from emulator.progress import progress_bar
-from emulator.run import FleetName, Options, Outcome
+from emulator.run import FleetName, Options, Outcome, run, with_duration
 from emulator.scenario import Scenario, area_m, team
 from emulator.scenario_file import load, shipped
+from emulator.scoring import check_functions, score
 from emulator.table import outcome_table, score_table
 from emulator.verify import verify
 from logs.info import format_info, info
 from logs.reader import LogError
 from logs.recover import recover
 
-OK, FAILED, USER_ERROR = 0, 1, 2
-STATS_KIND = "wall-clock statistics; they differ from run to run"
+OK, DIFFERENT = 0, 1
 
 
 class Terminated(KeyboardInterrupt):
@@ -38,18 +38,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, _terminate)
     try:
         return int(parsed.command(parsed))
-    except (UserError, LogError) as error:
-        print(f"heliograph: {error}", file=sys.stderr)
-        return USER_ERROR
-    except RunFailed as failure:
-        _print_failure(failure)
-        return FAILED
-    except Terminated:
-        print("heliograph: terminated; the log is whole up to this instant", file=sys.stderr)
-        return 128 + signal.SIGTERM
-    except KeyboardInterrupt:
-        print("heliograph: interrupted; the log is whole up to this instant", file=sys.stderr)
-        return 128 + signal.SIGINT
+    except (UserError, RunFailed) as error:
+        return _tell(error)
+    except LogError as error:
+        return _tell(UserError(str(error)))
+    except KeyboardInterrupt as interrupt:
+        return _tell_interrupt(interrupt)
     except BrokenPipeError:
         sys.stderr.close()  # whoever read our output has gone; nobody is left to tell
         return OK
@@ -59,12 +53,21 @@ def _terminate(_signum: int, _frame: FrameType | None) -> None:
     raise Terminated
 
 
-def _print_failure(failure: RunFailed) -> None:
-    if failure.output:
-        print(f"--- last output of {failure.robot} ---", file=sys.stderr)
-        print("\n".join(failure.output), file=sys.stderr)
+def _tell(error: UserError | RunFailed) -> int:
+    if isinstance(error, RunFailed) and error.output:
+        print(f"--- last output of {error.robot} ---", file=sys.stderr)
+        print("\n".join(error.output), file=sys.stderr)
         print("---", file=sys.stderr)
-    print(f"heliograph: {failure}", file=sys.stderr)
+    print(f"heliograph: {error}", file=sys.stderr)
+    return error.exit_code
+
+
+def _tell_interrupt(interrupt: KeyboardInterrupt) -> int:
+    """What was cut short has noted on it what became of its log."""
+    terminated = isinstance(interrupt, Terminated)
+    what = "terminated" if terminated else "interrupted"
+    print("heliograph: " + "; ".join([what, *getattr(interrupt, "__notes__", ())]), file=sys.stderr)
+    return 128 + (signal.SIGTERM if terminated else signal.SIGINT)
 
 
 # --- commands ------------------------------------------------------------------------------------
@@ -74,7 +77,7 @@ def _run(parsed: argparse.Namespace) -> int:
     scenario = _scenario(parsed)
     out = parsed.out or Path("runs") / f"{scenario.name}-{scenario.seed}.mcap"
     with progress_bar(scenario.run.duration_s, show=sys.stderr.isatty() or not parsed.json) as advance:
-        outcome = running.run(
+        outcome = run(
             scenario,
             Options(
                 out=out,
@@ -85,15 +88,25 @@ def _run(parsed: argparse.Namespace) -> int:
                 on_progress=advance,
             ),
         )
-    if parsed.stats is not None:
-        _write_stats(parsed.stats, outcome)
+    result: dict[str, Any] | None = None
+    try:
+        result = score(outcome.log, scenario.folder)
+    except UserError as error:
+        raise UserError(f"{error}; the log is whole: {outcome.log}") from error
+    finally:  # what the run cost is not lost with its score
+        _report(parsed, outcome, result)
+    return OK
+
+
+def _report(parsed: argparse.Namespace, outcome: Outcome, result: dict[str, Any] | None) -> None:
     if parsed.json:
-        _print_json(outcome.summary())
+        _print_json(outcome.summary(result))
     else:
-        print(outcome_table(outcome))
+        print(outcome_table(outcome, result or {}))
     if outcome.overruns:
         print(f"heliograph: {outcome.overruns} instants were late at --rate {parsed.rate:g}", file=sys.stderr)
-    return OK
+    if parsed.stats is not None:
+        _write_stats(parsed.stats, outcome)
 
 
 def _scenarios(parsed: argparse.Namespace) -> int:
@@ -109,7 +122,7 @@ def _scenarios(parsed: argparse.Namespace) -> int:
 
 def _check(parsed: argparse.Namespace) -> int:
     scenario = _scenario(parsed)
-    running.check_functions(scenario)
+    check_functions(scenario)
     width, height = area_m(scenario)
     print(
         f"{scenario.name}: fine; {len(team(scenario))} robots on {width:.1f} m x {height:.1f} m, "
@@ -119,7 +132,7 @@ def _check(parsed: argparse.Namespace) -> int:
 
 
 def _score(parsed: argparse.Namespace) -> int:
-    result = running.score(parsed.log, parsed.source or parsed.log.parent)
+    result = score(parsed.log, parsed.source)
     if parsed.json:
         _print_json(result)
     else:
@@ -148,30 +161,19 @@ def _verify(parsed: argparse.Namespace) -> int:
         print(f"{parsed.log}: the same, byte for byte")
         return OK
     print(difference)
-    return FAILED
+    return DIFFERENT
 
 
 def _scenario(parsed: argparse.Namespace) -> Scenario:
     scenario = load(parsed.scenario, robots=parsed.robots, seed=parsed.seed, overrides=parsed.set)
     if parsed.duration is None:
         return scenario
-    return running.with_duration(scenario, parsed.duration)
+    return with_duration(scenario, parsed.duration)
 
 
 def _write_stats(path: Path, outcome: Outcome) -> None:
-    stats = {
-        "kind": STATS_KIND,
-        "wall_s": outcome.wall_s,
-        "startup_s": outcome.startup_s,
-        "activations": outcome.progress.activations,
-        "us_per_activation": 1e6 * outcome.wall_s / max(1, outcome.progress.activations),
-        "real_time_factor": outcome.progress.now_ns / 1e9 / outcome.wall_s,
-        "overruns": outcome.overruns,
-        "recording_s": outcome.recording_s,
-        "recording_cpu_s": outcome.recording_cpu_s,
-    }
     try:
-        path.write_bytes(orjson.dumps(stats, option=orjson.OPT_INDENT_2) + b"\n")
+        path.write_bytes(orjson.dumps(outcome.stats(), option=orjson.OPT_INDENT_2) + b"\n")
     except OSError as error:
         raise UserError(f"--stats: cannot write {path}: {error.strerror}; choose another file") from None
 
@@ -189,20 +191,10 @@ def _parser() -> argparse.ArgumentParser:
         description="Emulate teams of robots that talk by radio and by sight.",
         epilog="Exit codes: 0 fine, 1 a run or a comparison failed, 2 a mistake in what was asked.",
     )
-    parser.add_argument("--version", action="version", version=f"heliograph {running.version()}")
+    parser.add_argument("--version", action="version", version=f"heliograph {version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    run = _command(commands, "run", _run, "run a scenario, record it, score it")
-    _add_scenario(run)
-    run.add_argument("--rate", type=_rate, default=None, metavar="max|FLOAT",
-                     help="virtual seconds per second (default: max, as fast as it can)")  # fmt: skip
-    _add_fleet(run)
-    run.add_argument("--out", type=Path, metavar="FILE", help="log (default: runs/SCENARIO-SEED.mcap)")
-    run.add_argument("--force", action="store_true", help="overwrite an existing log")
-    run.add_argument("--stats", type=Path, metavar="FILE", help="write wall-clock statistics as JSON")
-    run.add_argument("--listen", metavar="ENDPOINT",
-                     help="broker endpoint, as tcp/127.0.0.1:7447 (default: a Unix socket)")  # fmt: skip
-    _add_json(run)
+    _add_run(commands)
 
     scenarios = _command(commands, "scenarios", _scenarios, "list the scenarios that come with Heliograph")
     _add_json(scenarios)
@@ -210,10 +202,10 @@ def _parser() -> argparse.ArgumentParser:
     check = _command(commands, "check", _check, "validate a scenario without running it")
     _add_scenario(check)
 
-    score = _command(commands, "score", _score, "score a log alone")
-    _add_log(score)
-    _add_source(score, "scoring function")
-    _add_json(score)
+    scored = _command(commands, "score", _score, "score a log alone")
+    _add_log(scored)
+    _add_source(scored, "scoring function")
+    _add_json(scored)
 
     verified = _command(commands, "verify", _verify, "run again what a log holds, and compare")
     _add_log(verified)
@@ -244,6 +236,20 @@ def _command(
     return parser
 
 
+def _add_run(commands: Commands) -> None:
+    parser = _command(commands, "run", _run, "run a scenario, record it, score it")
+    _add_scenario(parser)
+    parser.add_argument("--rate", type=_rate, default=None, metavar="max|FLOAT",
+                        help="virtual seconds per second (default: max, as fast as it can)")  # fmt: skip
+    _add_fleet(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="log (default: runs/SCENARIO-SEED.mcap)")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing log")
+    parser.add_argument("--stats", type=Path, metavar="FILE", help="write wall-clock statistics as JSON")
+    parser.add_argument("--listen", metavar="ENDPOINT",
+                        help="broker endpoint, as tcp/127.0.0.1:7447 (default: a Unix socket)")  # fmt: skip
+    _add_json(parser)
+
+
 def _add_scenario(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario's name or a TOML file")
     parser.add_argument("--robots", type=int, metavar="N", help="size of the team")
@@ -266,7 +272,7 @@ def _add_log(parser: argparse.ArgumentParser) -> None:
 
 def _add_source(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument("--source", type=Path, metavar="FOLDER",
-                        help=f"where the Python files of the {what} are")  # fmt: skip
+                        help=f"where the Python files of the {what} are (default: in the log)")  # fmt: skip
 
 
 def _add_json(parser: argparse.ArgumentParser) -> None:

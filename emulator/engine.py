@@ -12,10 +12,7 @@ order; last the transmissions they start at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from enum import IntEnum
-from heapq import heappop, heappush
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -33,66 +30,15 @@ from channels.messages import (
     Report,
     encode,
 )
-from channels.units import NS_PER_S, to_ns
-from emulator.airwaves import Airwaves, Starting
-from emulator.eyes import Eyes
-from emulator.fleet import Fleet, RobotFailure
-from emulator.lamps import Lamps
+from channels.units import to_ns
+from emulator.agenda import Agenda, Event
+from emulator.airwaves import Starting
+from emulator.fleet import RobotFailure
+from emulator.interrupts import held
 from emulator.mail import Mail
-from emulator.stopwatch import Stopwatch
-from emulator.world import World
-from logs.recorder import Recorder
+from emulator.parts import Parts, Progress
 
 Poses = NDArray[np.float64]
-
-
-class Event(IntEnum):
-    """Kinds of events, in the order they are handled within one instant."""
-
-    TRANSMISSION = 0
-    EXPOSURE = 1
-    SCENE = 2
-    WAKE = 3
-
-
-@dataclass(frozen=True)
-class StopRule:
-    """The run is over once every robot has logged `entry` with a true `field`."""
-
-    entry: str
-    field: str
-
-
-@dataclass
-class Progress:
-    """What has happened so far; counted, never measured, so that it is the same in every run."""
-
-    now_ns: int = 0
-    activations: int = 0
-    sent: int = 0
-    delivered: int = 0
-    dropped: dict[str, int] = field(default_factory=dict)
-    ended_by: str = "duration"
-    """`duration`, `stop rule`, or `all robots ended`."""
-
-
-@dataclass
-class Parts:
-    """What an engine puts together. One instance makes one run."""
-
-    robots: Sequence[str]
-    fleet: Fleet
-    world: World
-    airwaves: Airwaves
-    eyes: Eyes | None
-    lamps: Lamps
-    clocks: Sequence[LocalClock] | None
-    """None: all robots' clocks are exact."""
-    recorder: Recorder
-    duration_ns: int
-    stop: StopRule | None
-    scene_rate_hz: float
-    watch: Stopwatch = field(default_factory=Stopwatch)
 
 
 class Engine:
@@ -104,8 +50,7 @@ class Engine:
         self.progress = Progress()
         self._parts = parts
         self._before_instant = before_instant
-        self._heap: list[tuple[int, int, int]] = []
-        self._due: list[int | None] = [None] * count
+        self._agenda = Agenda(count)
         self._awaits = [0] * count
         self._numbers = [0] * count
         self._running = set(range(count))
@@ -118,79 +63,58 @@ class Engine:
 
     def run(self) -> Progress:
         """Run to the end. Raises RobotFailure; whatever happens, all that was applied is recorded."""
-        parts = self._parts
         try:
             self._begin()
             self._loop()
         finally:
             self._write_backlog()
-        self._count(parts.airwaves)
+        self._count()
         return self.progress
 
-    # --- the event queue -------------------------------------------------------------------------
+    # --- time ------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
         for robot in range(len(self._parts.robots)):
-            self._wake(robot, 0)
+            self._agenda.wake(robot, 0)
         if self._parts.eyes is not None:
-            heappush(self._heap, (self._parts.eyes.exposure_ns(0), Event.EXPOSURE, 0))
-        heappush(self._heap, (0, Event.SCENE, 0))
+            self._agenda.add(self._parts.eyes.exposure_ns(0), Event.EXPOSURE)
+        self._agenda.add(0, Event.SCENE)
 
     def _loop(self) -> None:
-        heap, duration = self._heap, self._parts.duration_ns
-        while heap and heap[0][0] <= duration and self._running:
-            now = heap[0][0]
+        duration = self._parts.duration_ns
+        while self._running:
+            now = self._agenda.next_instant()
+            if now is None or now > duration:
+                self.progress.now_ns = duration
+                self._before_instant(duration)
+                return
             self._before_instant(now)
             self.progress.now_ns = now
             self._instant(now)
             if self._is_over():
                 return
-        if self._running:
-            self.progress.now_ns = duration
-            self._before_instant(duration)
-        else:
-            self.progress.ended_by = "all robots ended"
+        self.progress.ended_by = "all robots ended"
 
     def _is_over(self) -> bool:
-        if self._parts.stop is None or not self._running or not self._running <= self._fulfilled:
+        if self._parts.stop is None or len(self._fulfilled) < len(self._parts.robots):
             return False
         self.progress.ended_by = "stop rule"
         return True
 
     def _instant(self, now: int) -> None:
-        heap = self._heap
-        due: list[int] = []
-        starting = exposing = scene = False
-        while heap and heap[0][0] == now:
-            _, kind, which = heappop(heap)
-            if kind == Event.WAKE:
-                if self._due[which] == now:
-                    self._due[which] = None
-                    due.append(which)
-            elif kind == Event.TRANSMISSION:
-                starting |= self._parts.airwaves.begin(now, which, self._schedule_transmission)
-            elif kind == Event.EXPOSURE:
-                exposing = True
-            else:
-                scene = True
-        if starting:
+        tickets, exposing, scene, due = self._agenda.take(now)
+        airwaves = self._parts.airwaves
+        if [ticket for ticket in tickets if airwaves.begin(now, ticket, self._schedule_transmission)]:
             self._transmit(now)
         if exposing:
             self._expose(now)
         if scene:
             self._draw_scene(now)
         if due:
-            self._activate(now, sorted(due))
-
-    def _wake(self, robot: int, at_ns: int) -> None:
-        """Make a robot due at `at_ns`, unless it is due earlier anyway."""
-        due = self._due[robot]
-        if due is None or at_ns < due:
-            self._due[robot] = at_ns
-            heappush(self._heap, (at_ns, Event.WAKE, robot))
+            self._activate(now, due)
 
     def _schedule_transmission(self, at_ns: int, ticket: int) -> None:
-        heappush(self._heap, (at_ns, Event.TRANSMISSION, ticket))
+        self._agenda.add(at_ns, Event.TRANSMISSION, ticket)
 
     # --- robots ----------------------------------------------------------------------------------
 
@@ -198,10 +122,12 @@ class Engine:
         poses = self._parts.world.poses(now)
         grants = ((robot, self._grant(robot, now, poses)) for robot in due)
         reports = self._parts.fleet.exchange(grants, self._write_backlog)
-        for robot, report in zip(due, reports, strict=True):
-            self._apply(robot, now, report)
+        try:
+            for robot, report in zip(due, reports, strict=True):
+                self._apply(robot, now, report)
+        finally:
+            self._record_refused(now)
         self.progress.activations += len(due)
-        self._record_refused(now)
         self._transmit(now)
 
     def _grant(self, robot: int, now: int, poses: Poses) -> bytes:
@@ -224,11 +150,13 @@ class Engine:
     def _apply(self, robot: int, now: int, report: Report) -> None:
         clock = None if self._parts.clocks is None else self._parts.clocks[robot]
         for transmission in report.transmissions:
+            self._check_payload(robot, len(transmission.payload))
             start = transmission.start_ns if clock is None else clock.true(transmission.start_ns)
             self._parts.airwaves.submit(
                 robot, start, transmission.payload, transmission.refused, now, self._schedule_transmission
             )
         for command in report.lamp:
+            self._check_colour(robot, command.colour)
             at = command.at_ns if clock is None else clock.true(command.at_ns)
             self._parts.lamps.command(robot, now, at, command.colour)
         for motion in report.motion:
@@ -241,10 +169,27 @@ class Engine:
         else:
             self._arrange_wake(robot, now, report, clock)
 
+    def _check_payload(self, robot: int, size: int) -> None:
+        """The robot's own radio refuses this already; one that goes round it gets no further."""
+        limit = self._parts.max_payload_bytes
+        if size > limit:
+            raise RobotFailure(
+                self._parts.robots[robot],
+                f"sent a payload of {size} bytes, past radio.max_payload_bytes = {limit}",
+            )
+
+    def _check_colour(self, robot: int, colour: int) -> None:
+        """As with payloads."""
+        if colour > self._parts.colours:
+            raise RobotFailure(
+                self._parts.robots[robot],
+                f"showed colour {colour}, past lamp.colours = {self._parts.colours}",
+            )
+
     def _arrange_wake(self, robot: int, now: int, report: Report, clock: LocalClock | None) -> None:
         if report.wake_ns is not None:
             at = report.wake_ns if clock is None else clock.true(report.wake_ns)
-            self._wake(robot, max(at, now + 1))
+            self._agenda.wake(robot, max(at, now + 1))
         if report.awaits & AWAITS_RADIO:
             self._wake_at_arrival(robot, self._messages.next_arrival(robot))
         if report.awaits & AWAITS_CAMERA:
@@ -252,7 +197,7 @@ class Engine:
 
     def _wake_at_arrival(self, robot: int, arrival_ns: int | None) -> None:
         if arrival_ns is not None:
-            self._wake(robot, arrival_ns)
+            self._agenda.wake(robot, arrival_ns)
 
     def _move(self, robot: int, now: int, command: MotionCommand) -> None:
         name = self._parts.robots[robot]
@@ -291,10 +236,9 @@ class Engine:
     def _end(self, robot: int, now: int, why: str) -> None:
         name = self._parts.robots[robot]
         if why:
-            self._record(self._parts.recorder.fault, now, {"kind": "raised", "robot": name, "error": why})
             raise RobotFailure(name, f"failed: {why}")
         self._running.discard(robot)
-        self._due[robot] = None
+        self._agenda.forget(robot)
         self._parts.airwaves.switch_off(robot)
         self._record(self._parts.recorder.note, now, "info", name, "behaviour returned")
 
@@ -324,12 +268,12 @@ class Engine:
                 raw = encoded[reads] = batch.message(row, reads)
             self._messages.post(receiver, arrival, raw)
             if awaits[receiver] & AWAITS_RADIO:
-                self._wake(receiver, arrival)
+                self._agenda.wake(receiver, arrival)
 
     def _expose(self, now: int) -> None:
         eyes = self._parts.eyes
         assert eyes is not None
-        heappush(self._heap, (eyes.next_exposure_ns(), Event.EXPOSURE, 0))
+        self._agenda.add(eyes.next_exposure_ns(), Event.EXPOSURE)
         lamps = self._parts.lamps.colours(now).copy()
         poses = self._parts.world.poses(now)
         capture = eyes.expose(now, poses, lamps, sorted(self._running))
@@ -341,11 +285,11 @@ class Engine:
         for robot, frame in eyes.frames(now, capture, self._parts.clocks):
             self._frames.post(robot, available, frame)
             if self._awaits[robot] & AWAITS_CAMERA:
-                self._wake(robot, available)
+                self._agenda.wake(robot, available)
 
     def _draw_scene(self, now: int) -> None:
         self._scenes += 1
-        heappush(self._heap, (to_ns(self._scenes / self._parts.scene_rate_hz), Event.SCENE, 0))
+        self._agenda.add(to_ns(self._scenes / self._parts.scene_rate_hz), Event.SCENE)
         poses = self._parts.world.poses(now)
         self._record(self._parts.recorder.scene, now, poses, self._parts.lamps.colours(now).copy())
 
@@ -357,7 +301,7 @@ class Engine:
 
     def _write_backlog(self) -> None:
         backlog, self._later = self._later, []
-        with self._parts.watch.section("recording"):
+        with self._parts.watch.section("recording"), held():
             for write, what in backlog:
                 write(*what)
 
@@ -368,10 +312,7 @@ class Engine:
             self._record(self._parts.recorder.fault, now, record)
         refused.clear()
 
-    def _count(self, airwaves: Airwaves) -> None:
+    def _count(self) -> None:
+        airwaves = self._parts.airwaves
         self.progress.sent, self.progress.delivered, self.progress.dropped = airwaves.totals()
-
-
-def seconds(now_ns: int) -> str:
-    """Virtual time for people: seconds to the microsecond."""
-    return f"{now_ns / NS_PER_S:.6f}".rstrip("0").rstrip(".")
+        self.progress.unsent = airwaves.waiting

@@ -4,41 +4,32 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
 from msgspec.structs import replace
 
-from agent.loading import BehaviourError, load_behaviour, load_function
-from channels.clocks import LocalClock, draw_clocks
-from channels.medium import Medium
-from channels.messages import Hello, RadioPlan
-from channels.randomness import Draws, stable_key
-from channels.units import MAX_TIME_NS, to_ns, to_s
-from emulator.airwaves import Airwaves
-from emulator.engine import Engine, Parts, Progress, StopRule
+from channels.units import MAX_TIME_NS, to_s
+from emulator.assemble import make_hellos, make_medium, make_parts, make_recorder
+from emulator.engine import Engine
 from emulator.errors import RunFailed, UserError
-from emulator.eyes import Eyes
 from emulator.fleet import Fleet, RobotFailure
 from emulator.fleet.in_process import InProcessFleet
-from emulator.lamps import Lamps
+from emulator.interrupts import held
 from emulator.pacing import Pacer
-from emulator.scenario import RobotSpec, RunSettings, Scenario, area_m, resolved_json, team
-from emulator.stopwatch import Stopwatch
-from emulator.world import World
-from logs.reader import LogReader
-from logs.recorder import Attachment, Recorder, sha256_of
+from emulator.parts import Progress
+from emulator.scenario import RobotSpec, RunSettings, Scenario, team
+from logs.recorder import Recorder, sha256_of
 
 FleetName = Literal["zenoh", "in_process"]
-DEFAULT_SCORE = "logs.score:score"
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to run a scenario; nothing here can change what its log holds."""
+    """How to run a scenario; nothing here can change what its log holds of the run."""
 
     out: Path
     fleet: FleetName = "zenoh"
@@ -49,6 +40,8 @@ class Options:
     """Zenoh endpoint of the broker; None: a Unix socket of its own."""
     echo: TextIO | None = field(default_factory=lambda: sys.stderr)
     """Where robots' output goes."""
+    files: Sequence[str] | None = None
+    """The user's Python files to attach; None: those that the scenario names, and what they import."""
     on_progress: Callable[[int], None] = lambda _now_ns: None
 
 
@@ -71,10 +64,9 @@ class Outcome:
     """Wall-clock time the broker spent recording, much of it while robots computed."""
     recording_cpu_s: float
     """Processor time it took."""
-    score: dict[str, Any]
 
-    def summary(self) -> dict[str, Any]:
-        """The object that `heliograph run --json` prints."""
+    def summary(self, score: dict[str, Any] | None) -> dict[str, Any]:
+        """The object that `heliograph run --json` prints; `score` is None where scoring failed."""
         progress = self.progress
         return {
             "scenario": self.scenario.name,
@@ -92,12 +84,27 @@ class Outcome:
                 "delivered": progress.delivered,
                 "dropped": progress.dropped,
             },
-            "score": self.score,
+            "score": score,
+        }
+
+    def stats(self) -> dict[str, Any]:
+        """The object that `heliograph run --stats` writes."""
+        progress = self.progress
+        return {
+            "kind": "wall-clock statistics; they differ from run to run",
+            "wall_s": self.wall_s,
+            "startup_s": self.startup_s,
+            "activations": progress.activations,
+            "us_per_activation": 1e6 * self.wall_s / max(1, progress.activations),
+            "real_time_factor": progress.now_ns / 1e9 / self.wall_s,
+            "overruns": self.overruns,
+            "recording_s": self.recording_s,
+            "recording_cpu_s": self.recording_cpu_s,
         }
 
 
 def run(scenario: Scenario, options: Options) -> Outcome:
-    """Run a scenario to its end and score its log.
+    """Run a scenario to its end and write its log; `scoring.score` scores that.
 
     Raises UserError for what the user can mend, RunFailed where a robot failed; the log is then
     whole up to that instant, and marked as aborted by the absence of a result.
@@ -106,51 +113,11 @@ def run(scenario: Scenario, options: Options) -> Outcome:
     specs = team(scenario)
     fleet = _fleet(scenario, specs, options)
     try:
-        recorder = _recorder(scenario, specs, options)
-        try:
-            progress, timing = _run(scenario, specs, options, fleet, recorder, begun)
-        finally:
-            recorder.abort()  # does nothing to a finished log
+        recorder = make_recorder(scenario, specs, options.out, force=options.force, files=options.files)
+        with _recording(recorder):
+            return _run(scenario, specs, options, fleet, recorder, begun)
     finally:
         fleet.close()
-    return Outcome(
-        scenario=scenario,
-        robots=len(specs),
-        fleet=options.fleet,
-        log=options.out,
-        digest=sha256_of(options.out),
-        progress=progress,
-        wall_s=timing.wall_s,
-        startup_s=timing.startup_s,
-        overruns=timing.overruns,
-        recording_s=timing.recording_s,
-        recording_cpu_s=timing.recording_cpu_s,
-        score=score(options.out, scenario.folder),
-    )
-
-
-def score(log: Path, folder: Path | None) -> dict[str, Any]:
-    """Score a log by the function its scenario names; `folder` is where the user's files are."""
-    with LogReader(log) as reader:
-        name = reader.run.get("score") or DEFAULT_SCORE
-        try:
-            function = load_function(name, folder)
-        except BehaviourError as error:
-            raise UserError(f"score: {error}; mend it, or name another function in the scenario") from None
-        result = function(reader)
-    if not isinstance(result, dict):
-        raise UserError(f"score: {name} returns a {type(result).__name__} instead of a dict of results")
-    return result
-
-
-def check_functions(scenario: Scenario) -> None:
-    """Import what a scenario names, without running it. Raises UserError where something is wrong."""
-    try:
-        for name in dict.fromkeys(spec.behaviour for spec in team(scenario)):
-            load_behaviour(name, scenario.folder)
-        load_function(scenario.score or DEFAULT_SCORE, scenario.folder)
-    except BehaviourError as error:
-        raise UserError(f"{scenario.name}: {error}; mend it, or name another function") from None
 
 
 def with_duration(scenario: Scenario, duration_s: float) -> Scenario:
@@ -162,18 +129,18 @@ def with_duration(scenario: Scenario, duration_s: float) -> Scenario:
     return replace(scenario, run=RunSettings(duration_s))
 
 
-def version() -> str:
-    """Version of Heliograph; logs of different versions may differ."""
-    return metadata.version("heliograph")
-
-
-@dataclass(frozen=True)
-class _Timing:
-    wall_s: float
-    startup_s: float
-    overruns: int
-    recording_s: float
-    recording_cpu_s: float
+@contextmanager
+def _recording(recorder: Recorder) -> Iterator[None]:
+    """However this ends, the log is whole."""
+    try:
+        try:
+            yield
+        finally:
+            with held():
+                recorder.abort()  # does nothing to a finished log
+    except KeyboardInterrupt as interrupt:
+        interrupt.add_note("the log is whole up to this instant")
+        raise
 
 
 def _run(
@@ -183,26 +150,10 @@ def _run(
     fleet: Fleet,
     recorder: Recorder,
     begun: float,
-) -> tuple[Progress, _Timing]:
-    robots = [spec.id for spec in specs]
-    clocks = _clocks(scenario, robots)
-    medium = Medium(scenario.radio, robots, scenario.seed)
+) -> Outcome:
+    medium = make_medium(scenario, specs)
+    parts = make_parts(scenario, specs, medium, fleet, recorder)
     pacer = Pacer(options.rate)
-    watch = Stopwatch()
-    parts = Parts(
-        robots=robots,
-        fleet=fleet,
-        world=_world(scenario, specs),
-        airwaves=Airwaves(medium, robots, scenario.radio.overhead_bits),
-        eyes=Eyes(scenario.camera, robots, scenario.seed) if scenario.camera is not None else None,
-        lamps=Lamps(len(robots), to_ns(scenario.lamp.latency_s)),
-        clocks=clocks,
-        recorder=recorder,
-        duration_ns=to_ns(scenario.run.duration_s),
-        stop=StopRule(scenario.run.stop.entry, scenario.run.stop.field) if scenario.run.stop else None,
-        scene_rate_hz=scenario.record.scene_rate_hz,
-        watch=watch,
-    )
 
     def before_instant(now_ns: int) -> None:
         pacer.wait_for(now_ns)
@@ -210,26 +161,38 @@ def _run(
 
     engine = Engine(parts, before_instant)
     try:
-        fleet.start(_hellos(scenario, specs, medium, clocks))
+        fleet.start(make_hellos(scenario, specs, medium, parts.clocks))
         ready = time.perf_counter()
         progress = engine.run()
     except RobotFailure as failure:
         fleet.close()  # first: the robot's last words come with its end
         raise _failed(failure, fleet, engine.progress, options, recorder) from None
-    with watch.section("recording"):
+    with parts.watch.section("recording"), held():
         recorder.finish(_result(progress))
-    wall_s = time.perf_counter() - ready
-    recording = watch.wall_s["recording"], watch.cpu_s["recording"]
-    return progress, _Timing(wall_s, ready - begun, pacer.overruns, *recording)
+    ended = time.perf_counter()
+    return Outcome(
+        scenario=scenario,
+        robots=len(specs),
+        fleet=options.fleet,
+        log=options.out,
+        digest=sha256_of(options.out),
+        progress=progress,
+        wall_s=ended - ready,
+        startup_s=ready - begun,
+        overruns=pacer.overruns,
+        recording_s=parts.watch.wall_s["recording"],
+        recording_cpu_s=parts.watch.cpu_s["recording"],
+    )
 
 
 def _failed(
     failure: RobotFailure, fleet: Fleet, progress: Progress, options: Options, recorder: Recorder
 ) -> RunFailed:
     now = progress.now_ns
-    recorder.fault(now, {"kind": "robot failed", "robot": failure.robot, "error": failure.cause})
-    recorder.note(now, "error", failure.robot, failure.cause)
-    recorder.abort()
+    with held():
+        recorder.fault(now, {"kind": "robot failed", "robot": failure.robot, "error": failure.cause})
+        recorder.note(now, "error", failure.robot, failure.cause)
+        recorder.abort()
     return RunFailed(
         f"robot {failure.robot} {failure.cause} (at {to_s(now):g} s; the log up to then is {options.out})",
         robot=failure.robot,
@@ -246,105 +209,6 @@ def _fleet(scenario: Scenario, specs: Sequence[RobotSpec], options: Options) -> 
 
     behaviours = list(dict.fromkeys(spec.behaviour for spec in specs))
     return ZenohFleet(behaviours, scenario.folder, timeout_s, options.listen, options.echo)
-
-
-def _recorder(scenario: Scenario, specs: Sequence[RobotSpec], options: Options) -> Recorder:
-    about = {
-        "heliograph": version(),
-        "scenario": scenario.name,
-        "seed": str(scenario.seed),
-        "score": scenario.score or "",
-        "resolved": resolved_json(scenario),
-    }
-    recorder = Recorder(
-        options.out,
-        [spec.id for spec in specs],
-        force=options.force,
-        run=about,
-        attachments=_attachments(scenario, specs),
-        arena_m=area_m(scenario),
-    )
-    start = {
-        "kind": "start",
-        "area_m": list(area_m(scenario)),
-        "robots": [
-            {
-                "robot": spec.id,
-                "position_m": list(spec.position_m),
-                "heading_rad": spec.heading_rad,
-                "velocity_mps": list(spec.velocity_mps),
-            }
-            for spec in specs
-        ],
-    }
-    recorder.truth(0, start)
-    return recorder
-
-
-def _attachments(scenario: Scenario, specs: Sequence[RobotSpec]) -> list[Attachment]:
-    """The scenario as it was written, a layout for viewers, and the user's own Python files."""
-    layout = Path(__file__).parent.parent / "logs" / "layout.json"
-    attached = [
-        Attachment("scenario.toml", "application/toml", scenario.text),
-        Attachment("layout.json", "application/json", layout.read_bytes()),
-    ]
-    for name in user_files(scenario, specs):
-        assert scenario.folder is not None
-        attached.append(Attachment(name, "text/x-python", (scenario.folder / name).read_bytes()))
-    return attached
-
-
-def user_files(scenario: Scenario, specs: Sequence[RobotSpec]) -> list[str]:
-    """Python files beside the scenario that it names, relative to its folder."""
-    named = [scenario.score or "", *(spec.behaviour for spec in specs)]
-    places = (name.rpartition(":")[0] for name in named)
-    return sorted({place for place in places if place.endswith(".py")})
-
-
-def _world(scenario: Scenario, specs: Sequence[RobotSpec]) -> World:
-    return World(area_m(scenario), specs, scenario.world.motion)
-
-
-def _clocks(scenario: Scenario, robots: Sequence[str]) -> list[LocalClock] | None:
-    if scenario.clock.drift_ppm == 0 and scenario.clock.offset_s == 0:
-        return None
-    return draw_clocks(scenario.clock, robots, scenario.seed)
-
-
-def _hellos(
-    scenario: Scenario, specs: Sequence[RobotSpec], medium: Medium, clocks: Sequence[LocalClock] | None
-) -> list[Hello]:
-    seeds = Draws(scenario.seed, "robot generator")
-    return [
-        Hello(
-            robot=spec.id,
-            behaviour=spec.behaviour,
-            params=spec.params,
-            rng_seed=int(seeds.bits(stable_key(spec.id))),
-            clock_ns=0 if clocks is None else clocks[index].local(0),
-            pose=(*spec.position_m, spec.heading_rad),
-            radio=_radio_plan(scenario, medium, index),
-            colours=scenario.lamp.colours,
-        )
-        for index, spec in enumerate(specs)
-    ]
-
-
-def _radio_plan(scenario: Scenario, medium: Medium, robot: int) -> RadioPlan:
-    radio, schedule = scenario.radio, medium.schedule
-    plan = RadioPlan(radio.max_payload_bytes, radio.overhead_bits, radio.bit_rate_bps, radio.queue)
-    if schedule is None:
-        return plan
-    return RadioPlan(
-        radio.max_payload_bytes,
-        radio.overhead_bits,
-        radio.bit_rate_bps,
-        radio.queue,
-        schedule.slot_ns,
-        schedule.guard_ns,
-        medium.slots[robot],
-        schedule.slots,
-    )
 
 
 def _result(progress: Progress) -> dict[str, str]:

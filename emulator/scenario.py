@@ -24,7 +24,7 @@ from channels.settings import (
 )
 from emulator.placement import Vector, along, grid, heading_of, quantised, side_for_neighbours
 
-MAX_ROBOTS = 2000
+MAX_ROBOTS = 1000
 MIN_SIDE_M = 0.001
 MAX_SIDE_M = 10_000_000.0
 MAX_SPEED_MPS = 10_000.0
@@ -208,9 +208,11 @@ def resolved(scenario: Scenario) -> Settings:
 def resolved_json(scenario: Scenario) -> str:
     """All of a scenario as JSON, the same text on every machine; paths stay relative.
 
-    `scenario_file.from_resolved` reads it back.
+    `scenario_file.from_resolved` reads it back. Limits are left out: how long a machine may take is no
+    part of what was run.
     """
     document = {"name": scenario.name} | msgspec.structs.asdict(resolved(scenario))
+    del document["limits"]
     return msgspec.json.encode(document).decode()
 
 

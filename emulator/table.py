@@ -12,7 +12,7 @@ MAX_ITEMS = 8
 """Longer lists and tables are cut; the whole is in --json."""
 
 
-def outcome_table(outcome: Outcome) -> str:
+def outcome_table(outcome: Outcome, score: Mapping[str, Any]) -> str:
     """What a run was, how it went, its score, and where its log is."""
     progress = outcome.progress
     virtual_s = to_s(progress.now_ns)
@@ -24,7 +24,7 @@ def outcome_table(outcome: Outcome) -> str:
         "ended by": progress.ended_by,
         "activations": str(progress.activations),
         "messages": _messages(outcome),
-        **_flat(outcome.score),
+        **_flat(score),
         "log": str(outcome.log),
         "sha256": outcome.digest,
     }

@@ -8,7 +8,8 @@ from typing import Any
 from channels.units import to_s
 from logs.reader import LogReader
 
-_FROM_RUN = ("scenario", "seed", "version")
+_FROM_RUN = {"scenario": "scenario", "seed": "seed", "version": "heliograph"}
+"""What is told of the run, and its keys in the run's metadata."""
 _SHORT = 60
 
 
@@ -32,7 +33,7 @@ def info(path: Path) -> dict[str, Any]:
             "size_bytes": log.size_bytes,
             "library": log.library,
             "profile": log.profile,
-            **{key: log.run.get(key) for key in _FROM_RUN},
+            **{name: log.run.get(key) for name, key in _FROM_RUN.items()},
             "complete": log.complete,
             "torn": log.torn,
             "lost_bytes": log.size_bytes - log.whole_bytes if log.torn else 0,

@@ -8,6 +8,7 @@ chunk is closed: a file tells its topics only from there on, or by its summary.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import io
 from collections.abc import Mapping
@@ -46,11 +47,20 @@ def open_log(path: Path, *, force: bool) -> Output:
         reason = f"{path.parent} is no directory and cannot be made one ({error.strerror})"
         raise LogError(f"cannot write {path}: {reason}; choose another --out") from None
     try:
-        return path.open("wb" if force else "xb", buffering=0)
+        # Not truncated yet: it may be the log of another run that is still being written.
+        file = path.open("ab" if force else "xb", buffering=0)
     except FileExistsError:
         raise LogError(f"{path} exists; choose another --out or add --force") from None
     except OSError as error:
         raise LogError(f"cannot write {path}: {error.strerror}; choose another --out") from None
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        raise LogError(f"{path} is being written by another run; choose another --out") from None
+    if file.seekable():
+        file.truncate(0)
+    return file
 
 
 class FileSink:

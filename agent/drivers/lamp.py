@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import index
 from typing import Protocol
 
 from agent.clock import Clock
@@ -24,7 +25,11 @@ class Lamp:
         self._clock = clock
 
     def show(self, colour: int) -> None:
-        """Show a colour, or 0 for off, until told otherwise. ValueError for a colour it has not."""
+        """Show a colour, or 0 for off, until told otherwise.
+
+        Raises ValueError for a colour it has not, TypeError for what is no integer, TooMuchAtOnce
+        past 10 000 commands at one instant.
+        """
         self._command(self._clock.now_ns, colour)
 
     def on(self) -> None:
@@ -36,11 +41,12 @@ class Lamp:
         self.show(0)
 
     def flash(self, step: Ending, colour: int = 1) -> None:
-        """Be lit from now to the end of a step. ValueError for a colour it has not."""
+        """Be lit from now to the end of a step. Raises as `show`."""
         self._command(self._clock.now_ns, colour)
         self._command(step.end_ns, 0)
 
     def _command(self, at_ns: int, colour: int) -> None:
+        colour = index(colour)
         if not 0 <= colour <= self.colours:
             raise ValueError(f"the lamp shows colours 0 to {self.colours}, not {colour}; see lamp.colours")
         self._outbox.command_lamp(LampCommand(at_ns, colour))

@@ -2,21 +2,25 @@
 
 For Monte Carlo, for a debugger, and as the oracle that the sockets change nothing. What is emulated
 is the same; what is not is isolation: robots share modules, so a behaviour that keeps state in
-globals shares it too.
+globals shares it too (until the run ends: the next one loads the user's files anew). And the order
+of sets of text is that of this process, unless it was started with PYTHONHASHSEED=0.
 """
 
 from __future__ import annotations
 
+import contextlib
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 
+from agent.endings import exit_code
 from agent.host import RobotHost
-from agent.loading import BehaviourError, load_behaviour
-from channels.messages import Hello, MessageError, Report, decode_report
+from agent.loading import BehaviourError, forget_user_modules, is_file, load_behaviour
+from channels.messages import Hello, MessageError, Report, decode_hello, decode_report, encode
 from emulator.fleet import RobotFailure
 
 
@@ -33,16 +37,21 @@ class InProcessFleet:
         self._robots: list[str] = []
         self._watchdog = _Watchdog(answer_timeout_s)
         self._timeout_s = answer_timeout_s
+        self._owns_modules = False
         self.refused: list[tuple[int, str]] = []
 
     def start(self, hellos: Sequence[Hello]) -> None:
-        """Load every behaviour and give it a robot."""
+        """Load every behaviour afresh and give it a robot."""
+        self._owns_modules = any(is_file(hello.behaviour) for hello in hellos)
+        self._forget_modules()
         for hello in hellos:
             try:
-                behaviour = load_behaviour(hello.behaviour, self._folder)
+                with contextlib.redirect_stdout(sys.stderr):
+                    behaviour = load_behaviour(hello.behaviour, self._folder)
             except BehaviourError as error:
                 raise RobotFailure(hello.robot, f"cannot start: {error}") from None
-            self._hosts.append(RobotHost(hello, behaviour))
+            # Through the wire's codec: no two robots get the same objects.
+            self._hosts.append(RobotHost(decode_hello(encode(hello)), behaviour))
             self._robots.append(hello.robot)
         self._watchdog.start()
 
@@ -58,12 +67,13 @@ class InProcessFleet:
     def _ask(self, robot: int, grant: bytes) -> Report:
         self._watchdog.since = time.monotonic()
         try:
-            raw = self._hosts[robot].exchange(grant)
+            with contextlib.redirect_stdout(sys.stderr):  # standard output is for results
+                raw = self._hosts[robot].exchange(grant)
         except _TookTooLong:
             cause = f"did not answer within {self._timeout_s:g} s; does it loop without awaiting?"
             raise RobotFailure(self._robots[robot], cause) from None
         except SystemExit as error:
-            raise RobotFailure(self._robots[robot], f"exited with code {error.code or 0}") from None
+            raise RobotFailure(self._robots[robot], f"exited with code {exit_code(error)}") from None
         finally:
             self._watchdog.since = None
         if raw is None:
@@ -78,11 +88,24 @@ class InProcessFleet:
         return []
 
     def close(self) -> None:
-        """Cancel every behaviour and close its loop."""
-        self._watchdog.stop()
-        for host in self._hosts:
-            host.close()
-        self._hosts.clear()
+        """Cancel every behaviour and close its loop; one that does not let itself be closed is left."""
+        with contextlib.ExitStack() as closing:  # each is called, whatever another one raises
+            closing.callback(self._forget_modules)
+            closing.callback(self._watchdog.stop)
+            while self._hosts:
+                closing.callback(self._close_host, self._hosts.pop())
+
+    def _close_host(self, host: RobotHost) -> None:
+        self._watchdog.since = time.monotonic()
+        try:
+            with contextlib.suppress(_TookTooLong), contextlib.redirect_stdout(sys.stderr):
+                host.close()
+        finally:
+            self._watchdog.since = None
+
+    def _forget_modules(self) -> None:
+        if self._owns_modules:
+            forget_user_modules(self._folder)
 
 
 class _Watchdog:
@@ -105,15 +128,19 @@ class _Watchdog:
     def stop(self) -> None:
         self._stopped.set()
         if self._armed:
-            signal.signal(signal.SIGALRM, self._previous)
+            # None: a handler that Python knows nothing of, and cannot put back
+            signal.signal(signal.SIGALRM, signal.SIG_DFL if self._previous is None else self._previous)
             self._armed = False
 
     def _interrupt(self, _signum: int, _frame: FrameType | None) -> None:
-        if self.since is not None:
+        if self._is_overdue():  # the alarm may come late, when the next robot has only begun
             raise _TookTooLong
+
+    def _is_overdue(self) -> bool:
+        since = self.since
+        return since is not None and time.monotonic() - since > self._timeout_s
 
     def _watch(self) -> None:
         while not self._stopped.wait(min(1.0, self._timeout_s / 4)):
-            since = self.since
-            if since is not None and time.monotonic() - since > self._timeout_s:
+            if self._is_overdue():
                 signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGALRM)

@@ -20,6 +20,7 @@ from typing import TextIO
 
 from agent.zygote import (
     MAX_CONTROL_BYTES,
+    ROBOTS_PER_SPAWN,
     Exited,
     Finish,
     FromZygote,
@@ -37,7 +38,13 @@ from emulator.errors import RunFailed, UserError
 KEPT_LINES = 20
 """How much of a robot's output is kept for the story of its end."""
 CLOSE_TIMEOUT_S = 5.0
-ROBOTS_PER_REQUEST = 1000
+ANSWER_TIMEOUT_S = 60.0
+"""How long importing behaviours, or forking robots, may take."""
+
+ZYGOTE_ENVIRONMENT = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONHASHSEED": "0",  # or a set of text would have another order in every run
+}
 
 
 class Supervisor:
@@ -55,15 +62,16 @@ class Supervisor:
         self._answered = threading.Semaphore(0)
         self._on_exit: Callable[[str], None] | None = None
         self._closing = False
+        self._lost = False
         _raise_file_limit()
         with theirs:
             # A session of its own: Ctrl-C reaches the broker alone, which then ends the run.
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "agent.zygote", str(socket_folder)],
+                [sys.executable, "-P", "-m", "agent.zygote", str(socket_folder)],
                 stdin=theirs.fileno(),
                 stdout=sys.stderr.fileno() if _has_descriptor(sys.stderr) else subprocess.DEVNULL,
                 start_new_session=True,
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": _import_path()},
+                env={**os.environ, **ZYGOTE_ENVIRONMENT, "PYTHONPATH": _import_path()},
             )
         self._thread = threading.Thread(target=self._listen, name="supervisor", daemon=True)
         self._thread.start()
@@ -84,9 +92,12 @@ class Supervisor:
         zygote itself does.
         """
         self._on_exit = on_exit
-        self._send(Spawn(endpoint, run, list(robots)))
-        answer = self._await_answer()
-        return answer.pids if isinstance(answer, Spawned) else []
+        pids: list[int] = []
+        for first in range(0, len(robots), ROBOTS_PER_SPAWN):
+            self._send(Spawn(endpoint, run, list(robots[first : first + ROBOTS_PER_SPAWN])))
+            answer = self._await_answer()
+            pids += answer.pids if isinstance(answer, Spawned) else []
+        return pids
 
     def cause_of_end(self, robot: str) -> str:
         """How a robot process ended, in words."""
@@ -99,7 +110,7 @@ class Supervisor:
 
     def has_exited(self, robot: str) -> bool:
         """Whether this robot's process is known to be gone."""
-        return robot in self._exited or self._process.poll() is not None
+        return robot in self._exited or self._lost or self._process.poll() is not None
 
     def last_output(self, robot: str) -> list[str]:
         """The last lines a robot wrote."""
@@ -127,25 +138,32 @@ class Supervisor:
             self._control.send(encode(request))
 
     def _await_answer(self) -> Prepared | Spawned:
-        self._answered.acquire()
+        if not self._answered.acquire(timeout=ANSWER_TIMEOUT_S):
+            raise RunFailed(
+                f"importing the behaviours took more than {ANSWER_TIMEOUT_S:g} s; "
+                "a module should define things, and leave work to its behaviour"
+            )
         answer = self._answers.popleft()
         if answer is None:
             raise RunFailed("the process that starts the robots ended by itself; its message stands above")
         return answer
 
     def _listen(self) -> None:
-        while True:
-            try:
-                raw = self._control.recv(MAX_CONTROL_BYTES)
-            except OSError:
-                raw = b""
-            if not raw:
-                break
-            self._take(decode_from_zygote(raw))
-        self._answers.append(None)
-        self._answered.release()
-        if self._on_exit is not None and not self._closing:
-            self._on_exit("")
+        try:
+            while raw := self._hear():
+                self._take(decode_from_zygote(raw))
+        finally:  # nobody must wait for a zygote that nobody listens to
+            self._lost = True
+            self._answers.append(None)
+            self._answered.release()
+            if self._on_exit is not None and not self._closing:
+                self._on_exit("")
+
+    def _hear(self) -> bytes:
+        try:
+            return self._control.recv(MAX_CONTROL_BYTES)
+        except OSError:
+            return b""
 
     def _take(self, message: FromZygote) -> None:
         match message:
@@ -155,6 +173,8 @@ class Supervisor:
             case Output(robot, text):
                 self._take_output(robot, text)
             case Exited(robot, code):
+                if self._partial.get(robot):  # a last line that was not ended
+                    self._take_output(robot, b"\n")
                 self._exited[robot] = code
                 if self._on_exit is not None and not self._closing:
                     self._on_exit(robot)
@@ -166,8 +186,16 @@ class Supervisor:
         for raw in whole:
             line = raw.decode(errors="replace")
             kept.append(line)
-            if self._echo is not None:
-                self._echo.write(f"{robot} | {line}\n")
+            self._show(f"{robot} | {line}\n")
+
+    def _show(self, line: str) -> None:
+        """Echo a line, unless there is nobody to read it any more (as in `2>&1 | head`)."""
+        if self._echo is None:
+            return
+        try:
+            self._echo.write(line)
+        except (OSError, ValueError):
+            self._echo = None
 
 
 def _has_descriptor(stream: TextIO) -> bool:

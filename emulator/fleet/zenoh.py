@@ -37,6 +37,7 @@ from channels.messages import (
 from emulator.errors import UserError
 from emulator.fleet import RobotFailure
 from emulator.fleet.access import access_control
+from emulator.fleet.process_state import is_runnable, processor_time_s
 from emulator.fleet.supervisor import Supervisor
 
 Answer = TypeVar("Answer", Ready, Report)
@@ -45,6 +46,9 @@ SUPERVISOR = "_supervisor"
 """Stands for a robot on the key of bad news; no robot can be called so."""
 GONE = b"gone"
 OVERDUE = b"overdue"
+MAX_SOCKET_FOLDER = 80
+MAX_REFUSED = 100
+"""Messages at one instant that are no reports; who sends more is flooding."""
 GOODBYE_S = 2.0
 """How long robots get to end by themselves."""
 
@@ -60,8 +64,13 @@ class ZenohFleet:
         listen: str | None = None,
         echo: TextIO | None = sys.stderr,
     ) -> None:
-        """`listen`: a Zenoh endpoint such as tcp/127.0.0.1:7447; None: a Unix socket of our own."""
-        self._socket_folder = Path(tempfile.mkdtemp(prefix="heliograph-"))
+        """`listen`: a Zenoh endpoint such as tcp/127.0.0.1:7447; None: a Unix socket of our own.
+
+        Raises UserError for an endpoint or a behaviour that cannot be used.
+        """
+        if listen is not None and listen.endswith(":0"):
+            raise UserError(f"--listen {listen}: robots must know the port; name one that is free, as 7447")
+        self._socket_folder = _socket_folder()
         self.endpoint = listen or f"unixsock-stream/{self._socket_folder}/broker.sock"
         self.run = secrets.token_hex(4)
         """Part of all keys of this run, so that runs cannot meet."""
@@ -72,6 +81,8 @@ class ZenohFleet:
         self._index: dict[str, int] = {}
         self._numbers: list[int] = []
         self._gone: set[int] = set()
+        self._allowed_s: dict[int, float] = {}
+        self._grants: list[zenoh.Publisher] = []
         self.pids: list[int] = []
         self.refused: list[tuple[int, str]] = []
         self._clock = _AnswerClock(answer_timeout_s, self._tell_overdue)
@@ -117,12 +128,13 @@ class ZenohFleet:
         """Put each grant as soon as it is made, then yield each report as soon as its turn comes."""
         publishers, numbers = self._grants, self._numbers
         granted: list[int] = []
+        self._allowed_s.clear()
+        for robot, grant in grants:
+            numbers[robot] += 1
+            publishers[robot].put(grant)
+            granted.append(robot)
+        meanwhile()
         with self._clock:
-            for robot, grant in grants:
-                numbers[robot] += 1
-                publishers[robot].put(grant)
-                granted.append(robot)
-            meanwhile()
             yield from self._answers(granted, self._take_report)
 
     def last_output(self, robot: str) -> list[str]:
@@ -131,14 +143,18 @@ class ZenohFleet:
 
     def close(self) -> None:
         """Say goodbye, give the robots a moment, end those that stay, remove the socket."""
-        self._clock.stop()
-        if self._session is not None:
-            self._say_goodbye()
-        self._supervisor.close()
+        with contextlib.ExitStack() as last:  # whatever fails, or is interrupted, the rest is done
+            last.callback(shutil.rmtree, self._socket_folder, ignore_errors=True)
+            last.callback(self._close_session)
+            last.callback(self._supervisor.close)
+            last.callback(self._clock.stop)
+            if self._session is not None:
+                self._say_goodbye()
+
+    def _close_session(self) -> None:
         if self._session is not None:
             self._session.close()  # type: ignore[no-untyped-call]
             self._session = None
-        shutil.rmtree(self._socket_folder, ignore_errors=True)
 
     def _say_goodbye(self) -> None:
         farewell = encode(Grant(END_OF_RUN, 0))
@@ -200,11 +216,21 @@ class ZenohFleet:
                 try:
                     answers[sender] = take(sender, raw)
                     awaited.discard(sender)
+                    self._clock.restart()  # who comes later has had to share the processors
                 except MessageError as error:
-                    self.refused.append((sender, str(error)))
+                    self._refuse(sender, str(error))
             else:
-                self.refused.append((sender, "a message nobody had asked for"))
+                self._refuse(sender, "a message nobody had asked for")
             sample = self._reports.try_recv()
+
+    def _refuse(self, robot: int, why: str) -> None:
+        """Keep count. Raises RobotFailure for a robot that sends nothing but such messages."""
+        self.refused.append((robot, why[:200]))
+        if len(self.refused) > MAX_REFUSED:
+            raise RobotFailure(
+                self._robots[robot],
+                f"sent more than {MAX_REFUSED} messages that are no reports, the last: {why}",
+            )
 
     def _take_ready(self, _robot: int, raw: bytes) -> Ready:
         ready = decode_ready(raw)
@@ -220,9 +246,20 @@ class ZenohFleet:
 
     def _hear_bad_news(self, news: bytes, robot: int) -> None:
         """Remember whose process is gone. Raises RobotFailure where `robot` lets us wait too long."""
-        if news == OVERDUE and self._clock.overdue():
+        if news == OVERDUE and self._clock.overdue() and self._is_stuck(robot):
             raise RobotFailure(self._robots[robot], self._why_overdue(robot))
         self._gone = {index for index, name in enumerate(self._robots) if self._supervisor.has_exited(name)}
+
+    def _is_stuck(self, robot: int) -> bool:
+        """Whether a robot that is overdue has had its time.
+
+        One that still computes may only have had to share the processors with many others: it gets as
+        much processor time again as the deadline allows.
+        """
+        if robot >= len(self.pids) or not is_runnable(self.pids[robot]):
+            return True
+        used_s = processor_time_s(self.pids[robot])
+        return used_s >= self._allowed_s.setdefault(robot, used_s + self._timeout_s)
 
     def _why_overdue(self, robot: int) -> str:
         refused = [why for who, why in self.refused if who == robot]
@@ -259,8 +296,11 @@ class _AnswerClock:
         since = self._since
         return since is not None and time.monotonic() - since > self._timeout_s
 
-    def __enter__(self) -> None:
+    def restart(self) -> None:
         self._since = time.monotonic()
+
+    def __enter__(self) -> None:
+        self.restart()
 
     def __exit__(self, *_: object) -> None:
         self._since = None
@@ -269,6 +309,15 @@ class _AnswerClock:
         while not self._stopped.wait(min(1.0, self._timeout_s / 4)):
             if self.overdue():
                 self._tell()
+
+
+def _socket_folder() -> Path:
+    """A folder of our own for the socket, on a path that is not too long for one (108 bytes)."""
+    folder = Path(tempfile.mkdtemp(prefix="heliograph-"))
+    if len(str(folder)) <= MAX_SOCKET_FOLDER:
+        return folder
+    folder.rmdir()
+    return Path(tempfile.mkdtemp(prefix="heliograph-", dir="/tmp"))
 
 
 def _first_sentence(error: Exception) -> str:

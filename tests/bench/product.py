@@ -15,8 +15,9 @@ from msgspec.structs import replace
 import emulator.run as product
 from channels.messages import Hello, Report, encode
 from channels.units import to_ns, to_s
-from emulator.engine import Engine, Parts
+from emulator.engine import Engine
 from emulator.fleet import Fleet
+from emulator.parts import Parts
 from emulator.run import FleetName, Options, Outcome, with_duration
 from emulator.scenario import RobotSpec, Scenario
 from emulator.scenario_file import load

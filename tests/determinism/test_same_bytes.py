@@ -12,6 +12,7 @@ import orjson
 import pytest
 
 from emulator.errors import RunFailed
+from emulator.scoring import score
 from logs.compare import first_difference
 from tests.determinism.scenarios import BEHAVIOUR, SCENARIOS
 from tests.support import heliograph, run_scenario, write_scenario
@@ -68,8 +69,18 @@ def test_ten_seeds(seed: int, tmp_path: Path) -> None:
     zenoh = run_scenario("association", tmp_path / "zenoh.mcap", "zenoh", seed=seed, robots=12)
     local = run_scenario("association", tmp_path / "local.mcap", "in_process", seed=seed, robots=12)
     assert_same(zenoh.log, local.log)
-    assert zenoh.score == local.score
-    assert zenoh.score["false_matches"] == 0
+    assert score(zenoh.log)["false_matches"] == 0
+
+
+def test_limits_of_wall_clock_time_leave_no_trace(tmp_path: Path) -> None:
+    digests = {
+        run_scenario(
+            "association", tmp_path / f"{limit}.mcap", "in_process", robots=3,
+            overrides=[f"limits.answer_timeout_s={limit}"],
+        ).digest
+        for limit in (20, 40.5)
+    }  # fmt: skip
+    assert len(digests) == 1
 
 
 def test_seeds_differ(tmp_path: Path) -> None:
@@ -143,6 +154,32 @@ def test_verify(tmp_path: Path) -> None:
     scenario.unlink()
     (tmp_path / "my_robot.py").unlink()  # the log carries all that is needed
     same = heliograph("verify", log)
+    assert (same.returncode, same.stdout.strip()) == (0, f"{log}: the same, byte for byte"), same.stderr
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("fleet", ["zenoh", "in_process"])
+def test_verify_with_a_module_beside_the_behaviour(fleet: str, tmp_path: Path) -> None:
+    helper = tmp_path / "voices" / "helper.py"
+    helper.parent.mkdir()
+    helper.write_text("def word(robot):\n    return f'I am {robot.id}'\n")
+    code = "from voices.helper import word\n" + BEHAVIOUR.replace('{"id": robot.id', '{"id": word(robot)')
+    scenario = write_scenario(tmp_path, code, SCENARIOS["no-cameras"])
+    log = tmp_path / "log.mcap"
+    done = heliograph("run", scenario, "--fleet", fleet, "--out", log)
+    assert done.returncode == 0, done.stderr
+    for path in (scenario, helper, tmp_path / "my_robot.py"):
+        path.unlink()
+    same = heliograph("verify", log, "--fleet", fleet)
+    assert (same.returncode, same.stdout.strip()) == (0, f"{log}: the same, byte for byte"), same.stderr
+
+
+def test_verify_does_not_score(tmp_path: Path) -> None:
+    code = BEHAVIOUR + "\n\ndef score(log):\n    raise SystemExit('scored')\n"
+    toml = 'score = "my_robot.py:score"\n' + SCENARIOS["no-cameras"]
+    scenario = write_scenario(tmp_path, code, toml)
+    log = run_scenario(scenario, tmp_path / "log.mcap", "in_process").log
+    same = heliograph("verify", log, "--fleet", "in_process")
     assert (same.returncode, same.stdout.strip()) == (0, f"{log}: the same, byte for byte"), same.stderr
 
 

@@ -12,7 +12,7 @@ from agent.link.session import channel, robot_config
 from channels.keys import from_all_robots, to_broker, to_robot
 from channels.messages import Hello, RadioPlan, RawGrant, Report, encode
 from emulator.fleet import RobotFailure
-from emulator.fleet.zenoh import ZenohFleet
+from emulator.fleet.zenoh import MAX_REFUSED, ZenohFleet
 
 pytestmark = pytest.mark.processes
 
@@ -82,6 +82,18 @@ def test_garbage_is_refused_and_counted(fleet: ZenohFleet, intruder: zenoh.Sessi
         if fleet.refused:
             break
     assert [robot for robot, _ in fleet.refused] == [0]
+
+
+def test_a_flood_of_garbage_ends_in_a_story(fleet: ZenohFleet, intruder: zenoh.Session) -> None:
+    for _ in range(2 * MAX_REFUSED):
+        intruder.put(to_broker(fleet.run, "r00"), b"garbage")
+
+    def exchange_for_ever() -> None:
+        for number in range(1, 10_000):
+            exchange(fleet, number)
+
+    with pytest.raises(RobotFailure, match=f"r00 sent more than {MAX_REFUSED} messages that are no reports"):
+        exchange_for_ever()
 
 
 def test_a_stranger_does_not_get_in(fleet: ZenohFleet) -> None:

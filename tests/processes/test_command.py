@@ -6,6 +6,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,73 @@ def test_score_of_a_log_is_the_score_of_its_run(finished: tuple[Path, dict[str, 
     assert orjson.loads(done.stdout) == result["score"]
 
 
+def scored(folder: Path, body: str) -> list[object]:
+    """Arguments of a run whose scoring function has this body."""
+    code = f"{BEHAVIOUR}\n\ndef score(log):\n    print('scoring')\n    {body}\n"
+    write_scenario(folder, code, 'score = "my_robot.py:score"\n' + GOOD)
+    return ["run", "mine.toml", "--fleet", "in_process", "--out", "log.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("body", "sentence"),
+    [
+        ("return {}['x']", "my_robot.py:score fails on log.mcap with KeyError: 'x' (line 7 of my_robot.py)"),
+        ("raise SystemExit(3)", "my_robot.py:score fails on log.mcap with SystemExit: 3 (line 7 of my_robot.py)"),
+        ("return list(log.records('/nothing'))", "my_robot.py:score fails on log.mcap with LogError: "),
+        ("return 5", "my_robot.py:score returns int instead of a dict of results for log.mcap"),
+        ("return {'x': object()}", "my_robot.py:score returns what JSON has no form for (Type is not JSON serializable: object) for log.mcap"),
+        ("return {1: 2}", "my_robot.py:score returns what JSON has no form for (Dict key must be str) for log.mcap"),
+    ],
+)  # fmt: skip
+def test_a_score_that_fails_loses_nothing(body: str, sentence: str, tmp_path: Path) -> None:
+    done = heliograph(*scored(tmp_path, body), "--json", "--stats", "stats.json", cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    told = done.stderr.strip().splitlines()
+    assert told[0] == "scoring"
+    assert told[1].startswith(f"heliograph: score: {sentence}")
+    assert told[1].endswith("; mend it, and score the log with --source FOLDER; the log is whole: log.mcap")
+    assert len(told) == 2
+    result = orjson.loads(done.stdout)
+    assert result["score"] is None
+    assert result["digest"] == hashlib.sha256((tmp_path / "log.mcap").read_bytes()).hexdigest()
+    assert orjson.loads((tmp_path / "stats.json").read_bytes())["activations"] == result["activations"]
+    with LogReader(tmp_path / "log.mcap") as log:
+        assert log.complete
+    table = heliograph(*scored(tmp_path, body), "--force", cwd=tmp_path)
+    assert table.returncode == 2
+    assert result["digest"] in table.stdout
+
+
+def test_score_needs_the_log_alone(tmp_path: Path) -> None:
+    """Or a folder with a function that has been mended since."""
+    (tmp_path / "helper.py").write_text("ANSWER = 42\n")
+    arguments = scored(tmp_path, "import helper; return {'answer': helper.ANSWER}")
+    code = (tmp_path / "my_robot.py").read_text()
+    (tmp_path / "my_robot.py").write_text("import helper\n" + code)
+    done = heliograph(*arguments, "--json", cwd=tmp_path)
+    assert orjson.loads(done.stdout)["score"] == {"answer": 42}, done.stderr
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (tmp_path / "log.mcap").rename(elsewhere / "log.mcap")
+    (tmp_path / "my_robot.py").rename(elsewhere / "my_robot.py")
+    (tmp_path / "helper.py").unlink()
+    (elsewhere / "helper.py").write_text("ANSWER = 43\n")
+    alone = heliograph("score", elsewhere / "log.mcap", "--json", cwd=tmp_path)
+    assert orjson.loads(alone.stdout) == {"answer": 42}, alone.stderr
+    mended = heliograph("score", elsewhere / "log.mcap", "--json", "--source", elsewhere, cwd=tmp_path)
+    assert orjson.loads(mended.stdout) == {"answer": 43}, mended.stderr
+
+
+def test_interrupted_before_there_is_a_log(tmp_path: Path) -> None:
+    """Ctrl-C while behaviours are imported: nothing is said of a log that nobody began."""
+    code = f"import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n{BEHAVIOUR}"
+    write_scenario(tmp_path, code, GOOD)
+    done = heliograph("run", "mine.toml", "--fleet", "in_process", "--out", "log.mcap", cwd=tmp_path)
+    assert done.returncode == 130
+    assert done.stderr == "heliograph: interrupted\n"
+    assert not (tmp_path / "log.mcap").exists()
+
+
 def test_info(finished: tuple[Path, dict[str, Any]]) -> None:
     out, result = finished
     about = orjson.loads(heliograph("info", out, "--json").stdout)
@@ -88,7 +156,10 @@ def test_info(finished: tuple[Path, dict[str, Any]]) -> None:
             name: topic.messages for name, topic in log.topics.items()
         }
     assert about["duration_s"] == pytest.approx(result["virtual_s"])
-    assert "/radio" in heliograph("info", out).stdout
+    assert about["version"] == metadata.version("heliograph")
+    text = heliograph("info", out).stdout
+    assert "/radio" in text
+    assert f"version:     {about['version']}\n" in text
 
 
 def test_a_validator_that_is_not_ours_finds_nothing(finished: tuple[Path, dict[str, Any]]) -> None:

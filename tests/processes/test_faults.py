@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -216,6 +217,45 @@ def test_interrupted(how: signal.Signals, code: int, tmp_path: Path) -> None:
         assert len(list(log.records("/radio"))) > 20
 
 
+@pytest.mark.parametrize("delay_s", [0.3 + 0.11 * number for number in range(12)])
+def test_interrupted_at_any_moment(delay_s: float, tmp_path: Path) -> None:
+    """Wherever Ctrl-C strikes, also in the middle of a record, no half of anything is left."""
+    busy = ENDLESS.replace("0.1", "0.001")
+    scenario = write_scenario(tmp_path, busy, TOML)
+    out = tmp_path / "log.mcap"
+    command = [sys.executable, "-m", "emulator", "run", str(scenario), "--out", str(out), "--json"]
+    process = subprocess.Popen(
+        [*command, "--duration", "1000", "--fleet", "in_process"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(delay_s)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode in (130, -signal.SIGINT)  # the latter before the command has begun
+    if out.exists():
+        with whole_log(out) as log:
+            sequences = [sequence for _, sequence, _, _ in log.raw()]
+            assert sequences == list(range(len(sequences)))
+            for topic in ("/radio", "/robot", "/truth", "/faults"):
+                list(log.records(topic))
+
+
+def test_slow_robots_have_their_full_time_each(tmp_path: Path) -> None:
+    """Six robots that compute for half the deadline each, on fewer processors than robots."""
+    code = """
+import time
+async def main(robot):
+    begun = time.process_time()
+    while time.process_time() - begun < 0.75:
+        pass
+"""
+    scenario = write_scenario(tmp_path, code, TOML.replace("robots = 3", "robots = 6"))
+    done = heliograph("run", scenario, "--out", tmp_path / "log.mcap", prefix=["taskset", "-c", "0"])
+    assert done.returncode == 0, done.stderr
+
+
 def test_broker_killed(tmp_path: Path) -> None:
     process = start_endless(tmp_path)
     process.kill()
@@ -265,3 +305,107 @@ def test_over_tcp(tmp_path: Path) -> None:
     again = heliograph("run", "association", "--robots", 4, "--out", tmp_path / "unix.mcap")
     assert again.returncode == 0
     assert (tmp_path / "tcp.mcap").read_bytes() == (tmp_path / "unix.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("fleet", ["zenoh", "in_process"])
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        ("sys.exit('enough')", "robot r01 exited with code 1"),
+        (
+            "raise ValueError(object(), '\\ud800')",
+            "robot r01 failed: ValueError: (<object object at 0x...>, ",
+        ),
+        (
+            "robot.log('', {})",
+            "robot r01 failed: ValueError: the name of an entry has 1 to 100 characters, not 0",
+        ),
+    ],
+)
+def test_an_end_reads_the_same_in_both_fleets(fleet: str, bad: str, sentence: str, tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, f"{PREAMBLE}\n\ndef bad(robot):\n    {bad}\n", TOML)
+    out = tmp_path / "log.mcap"
+    done = heliograph("run", scenario, "--fleet", fleet, "--out", out, "--json")
+    assert done.returncode == 1, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.strip().splitlines()[-1].startswith(f"heliograph: {sentence}"), done.stderr
+    assert fleet == "zenoh" or "enough" not in bad or "enough\n" in done.stderr
+
+
+def test_a_last_line_that_is_not_ended_is_shown(tmp_path: Path) -> None:
+    code = "async def main(robot):\n    print('bye from', robot.id, end='')\n"
+    done = heliograph("run", write_scenario(tmp_path, code, TOML), "--out", tmp_path / "log.mcap")
+    assert done.returncode == 0, done.stderr
+    for robot in ("r00", "r01", "r02"):
+        assert f"{robot} | bye from {robot}\n" in done.stderr
+
+
+SETS = """
+async def main(robot):
+    names = {f"name {number}" for number in range(50)}
+    robot.log("walked", {"names": [name for name in names]})
+    robot.radio.broadcast(set(list(names)[:5]))
+    robot.log("set", {"names": names})
+"""
+
+
+def test_sets_of_text_have_one_order_in_all_robot_processes(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, SETS, TOML)
+    for name, hash_seed in (("a", 1), ("b", 2)):
+        out = tmp_path / f"{name}.mcap"
+        prefix = ["env", f"PYTHONHASHSEED={hash_seed}"]
+        done = heliograph("run", scenario, "--out", out, prefix=prefix)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+SNOOP = """
+import gc, sys
+
+def held():
+    '''Everything in the frames below this one, and in all containers there are.'''
+    objects = gc.get_objects()
+    found = [thing for thing in objects if type(thing) is tuple]
+    for thing in objects:
+        if type(thing) is list and thing is not objects:
+            found += thing
+    frame = sys._getframe(1)
+    while frame is not None:
+        found += frame.f_locals.values()
+        frame = frame.f_back
+    return found
+
+def is_a_secret_of(thing, name):
+    if type(thing) is bytes:
+        return name.encode() in thing
+    return type(thing) is tuple and len(thing) == 2 and thing[0] == name and type(thing[1]) is str
+
+async def main(robot):
+    things = held()
+    others = {"r00", "r01", "r02"} - {robot.id}
+    found = [name for name in others if any(is_a_secret_of(thing, name) for thing in things)]
+    robot.log("snooped", {"things": len(things) > 100, "found": found})
+"""
+
+
+def test_a_robot_holds_no_password_of_another(tmp_path: Path) -> None:
+    out = tmp_path / "log.mcap"
+    done = heliograph("run", write_scenario(tmp_path, SNOOP, TOML), "--out", out)
+    assert done.returncode == 0, done.stderr
+    with LogReader(out) as log:
+        entries = [record["data"] for _, record in log.records("/robot")]
+    assert entries == [{"things": True, "found": []}] * 3
+
+
+def test_a_file_called_as_one_of_ours_does_no_harm(tmp_path: Path) -> None:
+    (tmp_path / "agent.py").write_text("raise SystemExit('the wrong one')\n")
+    code = "async def main(robot):\n    robot.log('up', {})\n"
+    scenario = write_scenario(tmp_path, code, TOML)
+    script = Path(sys.executable).with_name("heliograph")
+    if not script.exists():
+        pytest.skip("the command is not installed beside this Python")
+    done = subprocess.run(
+        [script, "run", scenario, "--out", tmp_path / "log.mcap"],
+        capture_output=True, text=True, timeout=TIMEOUT_S, cwd=tmp_path, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr

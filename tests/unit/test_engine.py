@@ -357,6 +357,59 @@ async def main(robot):
     assert outcome.progress.now_ns == end_ms * MS
 
 
+def test_stop_rule_waits_for_robots_that_never_fulfil_it(tmp_path: Path) -> None:
+    code = """
+import asyncio
+async def main(robot):
+    if robot.id == "a":
+        return
+    for tick in range(100):
+        await asyncio.sleep(0.1)
+        robot.log("state", {"ready": True})
+"""
+    rule = 'duration_s = 2.0\nstop = { entry = "state", field = "ready" }'
+    toml = TOML.format(radio="", more="", duration=2.0).replace("duration_s = 2.0", rule)
+    outcome = run_scenario(write_scenario(tmp_path, code, toml), tmp_path / "log.mcap", "in_process")
+    assert outcome.progress.ended_by == "duration"
+
+
+def test_messages_that_wait_for_their_slot_when_the_run_ends_are_counted(tmp_path: Path) -> None:
+    outcome, _ = run_code(
+        tmp_path,
+        """
+async def main(robot):
+    await asyncio.sleep(0.12)
+    robot.radio.broadcast("x")
+    await asyncio.sleep(10)
+""",
+        radio='access = "tdma"\nbit_rate_bps = 1000\nmax_payload_bytes = 10\ntdma = { slot_s = 0.1 }',
+        duration=0.15,
+    )
+    # b speaks in [100, 200) ms; a would have to wait until 200
+    assert (outcome.progress.sent, outcome.progress.unsent) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("command", "story"),
+    [
+        (
+            "robot._outbox.transmit(Transmission(0, b'x' * 1025))",
+            "robot a sent a payload of 1025 bytes, past",
+        ),
+        ("robot._outbox.command_lamp(LampCommand(0, 2))", "robot a showed colour 2, past lamp.colours = 1"),
+    ],
+)
+def test_a_robot_that_goes_round_its_own_limits(command: str, story: str, tmp_path: Path) -> None:
+    code = f"""
+from channels.messages import LampCommand, Transmission
+async def main(robot):
+    if robot.id == "a":
+        {command}
+"""
+    with pytest.raises(RunFailed, match=story):
+        run_code(tmp_path, code)
+
+
 @pytest.mark.parametrize(
     ("text", "story"),
     [

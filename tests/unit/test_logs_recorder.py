@@ -445,3 +445,15 @@ def test_schemas_describe_every_field(topic: Any) -> None:
         for file in files.file:
             assert seen.issuperset(file.dependency)
             seen.add(file.name)
+
+
+def test_a_log_that_is_being_written_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Recorder(path, ROBOTS) as recorder:
+        before = path.read_bytes()
+        with pytest.raises(LogError, match=r"a\.mcap is being written by another run; choose another --out"):
+            Recorder(path, ROBOTS, force=True)
+        assert path.read_bytes() == before
+        recorder.finish({})
+    Recorder(path, ROBOTS, force=True).finish({})
+    assert doctor(path) == ""

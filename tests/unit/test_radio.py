@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+import math
+import struct
+from collections.abc import Callable
+
+import numpy as np
 import pytest
 
+from agent.drivers.camera import Frame
 from agent.outbox import Outbox, TooMuchAtOnce
 from agent.radio import MessageTooLong, Radio, SlotAccess
-from channels.messages import MAX_TRANSMISSIONS, Message, RadioPlan, encode_payload
+from agent.robot import Observation, Robot
+from channels.messages import (
+    MAX_TRANSMISSIONS,
+    Hello,
+    LampCommand,
+    Message,
+    MotionCommand,
+    RadioPlan,
+    Report,
+    WireFrame,
+    decode_report,
+    encode,
+    encode_payload,
+)
 
 MS = 1_000_000
 TDMA = RadioPlan(
@@ -68,3 +87,54 @@ async def test_receiving_on_an_ordinary_loop_loses_nothing_when_cancelled() -> N
     impatient.cancel()  # it had been woken for the message, and gives it up
     assert (await patient).payload == 1
     assert not radio.awaited
+
+
+def robot(outbox: Outbox) -> Robot:
+    return Robot(Hello("r00", "", {}, 0, 0, (0.0, 0.0, 0.0), TDMA, 2), outbox, AtZero())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        lambda robot: robot.log("", {}),
+        lambda robot: robot.log("x" * 101, {}),
+        lambda robot: robot.log("\ud800", {}),
+        lambda robot: robot.log("odd", {"x": math.nan}),
+        lambda robot: robot.body.drive(math.inf, 0.0),
+        lambda robot: robot.body.drive(0.0, math.nan),
+        lambda robot: robot.body.go_to(0.0, math.nan, 1.0),
+        lambda robot: robot.body.go_to(0.0, 0.0, -1.0),
+        lambda robot: robot.lamp.show(3),
+    ],
+)
+def test_what_the_wire_would_refuse_is_refused_at_the_call(command: Callable[[Robot], None]) -> None:
+    outbox = Outbox()
+    with pytest.raises(ValueError):  # noqa: PT011
+        command(robot(outbox))
+    assert [outbox.entries, outbox.motion, outbox.lamp] == [[], [], []]
+
+
+def test_a_lamp_takes_whole_numbers_only() -> None:
+    outbox = Outbox()
+    with pytest.raises(TypeError):
+        robot(outbox).lamp.show(1.5)  # type: ignore[arg-type]
+    robot(outbox).lamp.show(np.int64(2))  # type: ignore[arg-type]
+    robot(outbox).body.drive(np.float32(0.5), 1)  # type: ignore[arg-type]
+    assert outbox.lamp == [LampCommand(0, 2)]
+    assert decode_report(encode(Report(0, None, motion=outbox.motion))).motion == [MotionCommand((0.5, 1.0))]
+
+
+def test_what_was_heard_and_seen_has_an_order_and_works_as_a_set() -> None:
+    frames = [
+        Frame(WireFrame(0, struct.pack("<3i", 5, 7, 9), bytes(12), bytes(12), b"\0\1\2")),
+        Frame(WireFrame(0, struct.pack("<2i", 3, 7), bytes(8), bytes(8), b"\1\1")),
+    ]
+    observed = Observation([Message(0, name, b"") for name in ("r9", "r1", "r9", "r5")], frames)
+    assert list(observed.heard_from()) == ["r9", "r1", "r5"]
+    assert list(observed.lit()) == [7, 9, 3]
+    known = {"r0"}
+    known |= observed.heard_from()
+    assert type(known) is set
+    assert known == {"r0", "r1", "r5", "r9"}
+    assert 5 not in observed.lit()
+    assert len(observed.lit()) == 3

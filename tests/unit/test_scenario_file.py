@@ -79,7 +79,7 @@ def test_run_failed_says_who_and_why() -> None:
 
 
 METRES = "must be a number of metres greater than 0"
-ROBOTS = "must be a whole number from 1 to 2000 or a list of texts (1 to 2000 of them)"
+ROBOTS = "must be a whole number from 1 to 1000 or a list of texts (1 to 1000 of them)"
 KINDS = 'must be "static" or "bounce" or "commanded"'
 TOO_SHORT = (
     "radio.tdma.slot_s: a slot of 0.001 s is too short for one message of 1024 bytes (needs at least "
@@ -455,6 +455,13 @@ def test_resolved_and_back() -> None:
     assert (again.name, again.seed, again.text) == ("x", 8, scenario.text)
     assert (again.run, again.radio, again.params) == (scenario.run, scenario.radio, scenario.params)
     assert list(again.params) == list(scenario.params)
+
+
+def test_resolved_holds_no_limits_of_wall_clock_time() -> None:
+    scenario = loaded(BASE, "limits.answer_timeout_s=5")
+    assert scenario.limits.answer_timeout_s == 5.0
+    assert resolved_json(scenario) == resolved_json(loaded(BASE))
+    assert from_resolved(resolved_json(scenario), scenario.folder).limits.answer_timeout_s == 30.0
 
 
 def test_resolved_holds_no_absolute_path(tmp_path: Path) -> None:

@@ -1,0 +1,137 @@
+"""From a scenario to the parts of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+
+from channels.clocks import LocalClock, draw_clocks
+from channels.medium import Medium
+from channels.messages import Hello, RadioPlan
+from channels.randomness import Draws, stable_key
+from channels.units import to_ns
+from emulator.airwaves import Airwaves
+from emulator.attached import attachments, user_files
+from emulator.eyes import Eyes
+from emulator.fleet import Fleet
+from emulator.lamps import Lamps
+from emulator.parts import Parts, StopRule
+from emulator.scenario import RobotSpec, Scenario, area_m, resolved_json
+from emulator.world import World
+from logs.recorder import Recorder
+
+
+def version() -> str:
+    """Version of Heliograph; logs of different versions may differ."""
+    return metadata.version("heliograph")
+
+
+def make_recorder(
+    scenario: Scenario, specs: Sequence[RobotSpec], out: Path, *, force: bool, files: Sequence[str] | None
+) -> Recorder:
+    """Begin the log with all that is known at the start; `files` as in `run.Options`."""
+    about = {
+        "heliograph": version(),
+        "scenario": scenario.name,
+        "seed": str(scenario.seed),
+        "score": scenario.score or "",
+        "resolved": resolved_json(scenario),
+    }
+    recorder = Recorder(
+        out,
+        [spec.id for spec in specs],
+        force=force,
+        run=about,
+        attachments=attachments(scenario, user_files(scenario, specs) if files is None else files),
+        arena_m=area_m(scenario),
+    )
+    recorder.truth(0, _start(scenario, specs))
+    return recorder
+
+
+def make_medium(scenario: Scenario, specs: Sequence[RobotSpec]) -> Medium:
+    """The radio channel the robots share."""
+    return Medium(scenario.radio, [spec.id for spec in specs], scenario.seed)
+
+
+def make_parts(
+    scenario: Scenario, specs: Sequence[RobotSpec], medium: Medium, fleet: Fleet, recorder: Recorder
+) -> Parts:
+    """Everything the engine needs."""
+    robots = [spec.id for spec in specs]
+    stop = scenario.run.stop
+    return Parts(
+        robots=robots,
+        fleet=fleet,
+        world=World(area_m(scenario), specs, scenario.world.motion),
+        airwaves=Airwaves(medium, robots, scenario.radio.overhead_bits),
+        eyes=Eyes(scenario.camera, robots, scenario.seed) if scenario.camera is not None else None,
+        lamps=Lamps(len(robots), to_ns(scenario.lamp.latency_s)),
+        clocks=_clocks(scenario, robots),
+        recorder=recorder,
+        duration_ns=to_ns(scenario.run.duration_s),
+        stop=StopRule(stop.entry, stop.field) if stop is not None else None,
+        scene_rate_hz=scenario.record.scene_rate_hz,
+        max_payload_bytes=scenario.radio.max_payload_bytes,
+        colours=scenario.lamp.colours,
+    )
+
+
+def make_hellos(
+    scenario: Scenario, specs: Sequence[RobotSpec], medium: Medium, clocks: Sequence[LocalClock] | None
+) -> list[Hello]:
+    """What each robot is told at its start."""
+    seeds = Draws(scenario.seed, "robot generator")
+    return [
+        Hello(
+            robot=spec.id,
+            behaviour=spec.behaviour,
+            params=spec.params,
+            rng_seed=int(seeds.bits(stable_key(spec.id))),
+            clock_ns=0 if clocks is None else clocks[index].local(0),
+            pose=(*spec.position_m, spec.heading_rad),
+            radio=_radio_plan(scenario, medium, index),
+            colours=scenario.lamp.colours,
+        )
+        for index, spec in enumerate(specs)
+    ]
+
+
+def _start(scenario: Scenario, specs: Sequence[RobotSpec]) -> dict[str, object]:
+    return {
+        "kind": "start",
+        "area_m": list(area_m(scenario)),
+        "robots": [
+            {
+                "robot": spec.id,
+                "position_m": list(spec.position_m),
+                "heading_rad": spec.heading_rad,
+                "velocity_mps": list(spec.velocity_mps),
+            }
+            for spec in specs
+        ],
+    }
+
+
+def _clocks(scenario: Scenario, robots: Sequence[str]) -> list[LocalClock] | None:
+    if scenario.clock.drift_ppm == 0 and scenario.clock.offset_s == 0:
+        return None
+    return draw_clocks(scenario.clock, robots, scenario.seed)
+
+
+def _radio_plan(scenario: Scenario, medium: Medium, robot: int) -> RadioPlan:
+    radio, schedule = scenario.radio, medium.schedule
+    plan = RadioPlan(radio.max_payload_bytes, radio.overhead_bits, radio.bit_rate_bps, radio.queue)
+    if schedule is None:
+        return plan
+    return RadioPlan(
+        radio.max_payload_bytes,
+        radio.overhead_bits,
+        radio.bit_rate_bps,
+        radio.queue,
+        schedule.slot_ns,
+        schedule.guard_ns,
+        medium.slots[robot],
+        schedule.slots,
+    )
