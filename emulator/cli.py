@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
@@ -22,7 +24,7 @@ from emulator.scoring import check_functions, score
 from emulator.table import outcome_table, score_table
 from emulator.verify import verify
 from logs.info import format_info, info
-from logs.reader import LogError
+from logs.reader import LogError, LogReader
 from logs.recover import recover
 
 OK, DIFFERENT = 0, 1
@@ -36,6 +38,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point. Exit code 0: fine; 1: a run, check or comparison failed; 2: a mistake of the user."""
     parsed = _parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, _terminate)
+    code = _execute(parsed)
+    _abandon_threads(code)
+    return code
+
+
+def _execute(parsed: argparse.Namespace) -> int:
     try:
         return int(parsed.command(parsed))
     except (UserError, RunFailed) as error:
@@ -47,6 +55,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # whoever read our output has gone; nobody is left to tell
         return OK
+
+
+def _abandon_threads(code: int) -> None:
+    """Leave at once where a behaviour's thread still works: Python would wait for it, perhaps for ever."""
+    working = [thread for thread in threading.enumerate() if not thread.daemon]
+    if len(working) > 1:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _terminate(_signum: int, _frame: FrameType | None) -> None:
@@ -76,6 +93,7 @@ def _tell_interrupt(interrupt: KeyboardInterrupt) -> int:
 def _run(parsed: argparse.Namespace) -> int:
     scenario = _scenario(parsed)
     out = parsed.out or Path("runs") / f"{scenario.name}-{scenario.seed}.mcap"
+    _refuse_to_overwrite(parsed, out)
     with progress_bar(scenario.run.duration_s, show=sys.stderr.isatty() or not parsed.json) as advance:
         outcome = run(
             scenario,
@@ -96,6 +114,18 @@ def _run(parsed: argparse.Namespace) -> int:
     finally:  # what the run cost is not lost with its score
         _report(parsed, outcome, result)
     return OK
+
+
+def _refuse_to_overwrite(parsed: argparse.Namespace, out: Path) -> None:
+    """--force is meant for an old log, not for what the run is made of or writes besides."""
+    if out.resolve() == Path(parsed.scenario).resolve():
+        raise UserError(f"--out {out}: is the scenario itself; choose another --out")
+    if parsed.stats is None:
+        return
+    if parsed.stats.resolve() in (out.resolve(), Path(parsed.scenario).resolve()):
+        raise UserError(f"--stats {parsed.stats}: is the log or the scenario; choose another file")
+    if not parsed.stats.parent.is_dir():
+        raise UserError(f"--stats {parsed.stats}: there is no folder {parsed.stats.parent}; make it first")
 
 
 def _report(parsed: argparse.Namespace, outcome: Outcome, result: dict[str, Any] | None) -> None:
@@ -132,12 +162,21 @@ def _check(parsed: argparse.Namespace) -> int:
 
 
 def _score(parsed: argparse.Namespace) -> int:
+    _warn_of_what_is_missing(parsed.log)
     result = score(parsed.log, parsed.source)
     if parsed.json:
         _print_json(result)
     else:
         print(score_table(result))
     return OK
+
+
+def _warn_of_what_is_missing(path: Path) -> None:
+    with LogReader(path) as log:
+        if log.torn:
+            print(f"heliograph: {path} is torn or damaged; this scores what can be read", file=sys.stderr)
+        elif not log.complete:
+            print(f"heliograph: {path} is of an aborted run; this scores it up to there", file=sys.stderr)
 
 
 def _info(parsed: argparse.Namespace) -> int:
@@ -150,8 +189,9 @@ def _info(parsed: argparse.Namespace) -> int:
 
 
 def _recover(parsed: argparse.Namespace) -> int:
-    counts = recover(parsed.log, parsed.out, force=parsed.force)
-    print(f"{parsed.out}: {counts}")
+    saved = recover(parsed.log, parsed.out, force=parsed.force)
+    messages = sum(saved.messages.values())
+    print(f"{parsed.out}: {messages} messages saved, {saved.lost_bytes} bytes were beyond saving")
     return OK
 
 

@@ -32,7 +32,7 @@ def verify(log: Path, fleet: FleetName, source: Path | None) -> str | None:
         scenario = from_resolved(resolved, folder, text=text)
         run(scenario, Options(out=again, fleet=fleet, echo=None, files=files))
         difference = first_difference(log, again)
-        return None if difference is None else str(difference)
+        return None if difference is None else difference.format()
 
 
 def _resolved(log: LogReader) -> str:
@@ -48,6 +48,8 @@ def _resolved(log: LogReader) -> str:
             f"{log.path}: was written by Heliograph {written_by}, this is {version()}; "
             "verify it with that one"
         )
+    if log.torn:
+        raise UserError(f"{log.path}: is torn or damaged; `heliograph recover` saves what can be read")
     if not log.complete:
         raise UserError(f"{log.path}: the run was aborted, so there is no whole log to compare; run it again")
     return resolved
