@@ -58,6 +58,10 @@ def load_behaviour(name: str, folder: Path | None) -> Behaviour:
     found = load_function(name, folder)
     if not inspect.iscoroutinefunction(found):
         raise BehaviourError(f"{name} is not an `async def` function taking the robot")
+    try:
+        inspect.signature(found).bind(None)
+    except TypeError as error:
+        raise BehaviourError(f"{name} cannot be called with the robot alone: {error}") from None
     return found
 
 

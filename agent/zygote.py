@@ -202,6 +202,7 @@ class Zygote:
         if pid == 0:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             signal_at_death_of(zygote, signal.SIGKILL)
+            os.setpgid(0, 0)  # a group of its own, which ends with it: robots may start processes
             request.robots.clear()  # the others' passwords are not for this one
             self._become_robot(request, robot, password, write_end)
         os.close(write_end)
@@ -267,6 +268,7 @@ class Zygote:
                 return
             robot = self._robots.pop(pid, None)
             if robot is not None:
+                _kill_group(pid)
                 self._drain_output(robot)
                 self._tell(Exited(robot, os.waitstatus_to_exitcode(status)))
 
@@ -292,11 +294,18 @@ class Zygote:
     def _kill_all(self) -> None:
         for pid in self._robots:
             with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+                os.kill(pid, signal.SIGKILL)  # by itself too: it may not have its group yet
+            _kill_group(pid)
         for pid in list(self._robots):
             with contextlib.suppress(ChildProcessError):
                 os.waitpid(pid, 0)
             del self._robots[pid]
+
+
+def _kill_group(robot: int) -> None:
+    """End whatever processes a robot has started."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(robot, signal.SIGKILL)
 
 
 def main() -> None:

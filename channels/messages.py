@@ -16,8 +16,7 @@ nanoseconds; on this wire they are readings of the *robot's own* clock, which th
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, KeysView, Mapping
+from collections.abc import KeysView, Mapping
 from typing import Annotated, Any
 
 import msgspec
@@ -244,13 +243,9 @@ def decode_hello(raw: bytes) -> Hello:
 def encode_entry(data: Mapping[str, Any]) -> bytes:
     """A log entry as JSON text; keys that are numbers become text, bytes become base64.
 
-    Sets are written in order, dicts as they are.
     Raises TypeError for what JSON has no form for, ValueError for NaN and infinity.
     """
-    plain = dict(data)
-    text = _encode_json(plain)
-    if b"[" in text and _has_set(plain.values()):
-        text = _encode_json(_in_order(plain))
+    text = _encode_json(dict(data))
     # The encoder turns NaN and infinity into null without a word.
     if b"null" in text and has_non_finite(data):
         raise ValueError("JSON has no NaN and no infinity; log None, or leave the value out")
@@ -274,56 +269,8 @@ def has_non_finite(value: object) -> bool:
 
 
 def encode_payload(payload: object) -> bytes:
-    """A behaviour's radio payload as msgpack, sets in order. TypeError for what msgpack cannot carry."""
-    raw = encode(payload)
-    if _MAY_HOLD_A_LIST(raw) is not None and _has_set((payload,)):
-        return encode(_in_order(payload))
-    return raw
-
-
-_MAY_HOLD_A_LIST = re.compile(rb"[\x90-\x9f\xdc\xdd]").search
-"""First bytes of msgpack arrays, which is how sets are written; plain text holds none of them."""
-_LEAVES = frozenset({str, int, float, bool, bytes, type(None)})
-
-
-def _has_set(values: Iterable[Any]) -> bool:
-    """Whether there is a set anywhere in data that has been encoded, which proves that it ends."""
-    for value in values:
-        if type(value) in _LEAVES:
-            continue
-        if isinstance(value, set | frozenset):
-            return True
-        if _has_set(_children(value)):
-            return True
-    return False
-
-
-def _children(value: Any) -> Iterable[Any]:
-    if isinstance(value, list | tuple):
-        return value
-    return value.values() if isinstance(value, Mapping) else _attributes(value).values()
-
-
-def _attributes(value: Any) -> dict[str, Any]:
-    names: Iterable[str] = getattr(value, "__struct_fields__", getattr(value, "__dataclass_fields__", ()))
-    return {name: getattr(value, name) for name in names}
-
-
-def _in_order(value: Any) -> Any:
-    """The same data with a list for every set: text and numbers ascending, the rest by their encoding.
-
-    The order of a set of text depends on the hash seed, which differs from process to process.
-    """
-    if isinstance(value, set | frozenset):
-        items = [_in_order(item) for item in value]
-        alike = len(set(map(type, items))) == 1 and isinstance(items[0], str | int)
-        return sorted(items) if alike else sorted(items, key=encode)
-    if isinstance(value, Mapping):
-        return {key: _in_order(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_in_order(item) for item in value]
-    attributes = _attributes(value)
-    return _in_order(attributes) if attributes else value
+    """A behaviour's radio payload as msgpack. Raises TypeError for what msgpack cannot carry."""
+    return encode(payload)
 
 
 def decode_payload(raw: bytes) -> Any:

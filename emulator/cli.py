@@ -16,6 +16,7 @@ import orjson
 
 from emulator.assemble import version
 from emulator.errors import RunFailed, UserError
+from emulator.fleet.supervisor import HASH_SEED
 from emulator.progress import progress_bar
 from emulator.run import FleetName, Options, Outcome, run, with_duration
 from emulator.scenario import Scenario, area_m, team
@@ -37,6 +38,8 @@ class Terminated(KeyboardInterrupt):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point. Exit code 0: fine; 1: a run, check or comparison failed; 2: a mistake of the user."""
     parsed = _parser().parse_args(arguments)
+    if arguments is None and getattr(parsed, "fleet", None) == "in_process":
+        _fix_hash_seed()
     signal.signal(signal.SIGTERM, _terminate)
     code = _execute(parsed)
     _abandon_threads(code)
@@ -55,6 +58,13 @@ def _execute(parsed: argparse.Namespace) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # whoever read our output has gone; nobody is left to tell
         return OK
+
+
+def _fix_hash_seed() -> None:
+    """Start again with the hash seed that robot processes have: it decides the order of sets of text."""
+    if os.environ.get("PYTHONHASHSEED") != HASH_SEED:
+        environment = {**os.environ, "PYTHONHASHSEED": HASH_SEED}
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
 
 
 def _abandon_threads(code: int) -> None:

@@ -35,6 +35,8 @@ from agent.zygote import (
 )
 from emulator.errors import RunFailed, UserError
 
+HASH_SEED = "0"
+"""Of every process that runs a behaviour: sets of text then have the same order in all of them."""
 KEPT_LINES = 20
 """How much of a robot's output is kept for the story of its end."""
 CLOSE_TIMEOUT_S = 5.0
@@ -43,7 +45,7 @@ ANSWER_TIMEOUT_S = 60.0
 
 ZYGOTE_ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONHASHSEED": "0",  # or a set of text would have another order in every run
+    "PYTHONHASHSEED": HASH_SEED,  # or a set of text would have another order in every run
 }
 
 

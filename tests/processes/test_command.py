@@ -295,6 +295,42 @@ def test_an_existing_log_is_not_overwritten(tmp_path: Path) -> None:
         assert log.complete
 
 
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--out", "mine.toml", "--force"], "--out mine.toml: is the scenario itself"),
+        (["--out", "a.mcap", "--stats", "a.mcap"], "--stats a.mcap: is the log or the scenario"),
+        (["--out", "a.mcap", "--stats", "no/a.json"], "--stats no/a.json: there is no folder no"),
+        (
+            ["--out", "a.mcap", "--listen", "tcp/127.0.0.1:0"],
+            "--listen tcp/127.0.0.1:0: robots must know the port",
+        ),
+    ],
+)
+def test_nothing_is_lost_to_a_wrong_option(arguments: list[str], sentence: str, tmp_path: Path) -> None:
+    write_scenario(tmp_path, BEHAVIOUR, GOOD)
+    assert refused("run", "mine.toml", *arguments, cwd=tmp_path).startswith(sentence)
+    assert (tmp_path / "mine.toml").read_text() == GOOD
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_scoring_a_torn_log_says_so(finished: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(finished[0].read_bytes()[:-3000])
+    done = heliograph("score", torn, "--json")
+    assert done.returncode == 0
+    assert "is torn or damaged; this scores what can be read" in done.stderr
+    assert refused("verify", torn).startswith(f"{torn}: is torn or damaged")
+
+
+def test_a_thread_that_never_ends_does_not_keep_the_command(tmp_path: Path) -> None:
+    code = "import asyncio, time\nasync def main(robot):\n    await asyncio.to_thread(time.sleep, 1000)\n"
+    write_scenario(tmp_path, code, GOOD + "[limits]\nanswer_timeout_s = 1.0\n")
+    done = heliograph("run", "mine.toml", "--fleet", "in_process", "--out", "a.mcap", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.strip().splitlines()[-1].startswith("heliograph: robot r00 did not answer within 1 s")
+
+
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     write_scenario(tmp_path, BEHAVIOUR, GOOD)
     (tmp_path / "file").write_text("")

@@ -157,6 +157,7 @@ def test_what_a_robot_prints_is_shown_with_its_name(tmp_path: Path) -> None:
         ("import nothing_of_this_name\n", "my_robot.py fails to import: ModuleNotFoundError"),
         ("def main(robot) oops\n", "my_robot.py fails to import: SyntaxError"),
         ("x = 1\n", "my_robot.py has no function 'main'"),
+        ("async def main():\n    pass\n", "my_robot.py:main cannot be called with the robot alone: too many"),
         ("def main(robot):\n    pass\n", "my_robot.py:main is not an `async def` function"),
         ("raise SystemExit(5)\n", "importing the behaviour ended with SystemExit: 5"),
     ],
@@ -254,6 +255,29 @@ async def main(robot):
     scenario = write_scenario(tmp_path, code, TOML.replace("robots = 3", "robots = 6"))
     done = heliograph("run", scenario, "--out", tmp_path / "log.mcap", prefix=["taskset", "-c", "0"])
     assert done.returncode == 0, done.stderr
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended and waits to be taken note of does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_what_a_robot_started_ends_with_it(tmp_path: Path) -> None:
+    code = """
+import os, subprocess
+async def main(robot):
+    child = subprocess.Popen(["sleep", "4711"])
+    print("started", child.pid)
+    if robot.id == "r02":
+        os._exit(0)
+"""
+    done = heliograph("run", write_scenario(tmp_path, code, TOML), "--out", tmp_path / "log.mcap")
+    started = [int(line.split()[-1]) for line in done.stderr.splitlines() if "| started" in line]
+    assert len(started) == 3, done.stderr
+    assert not any(map(is_alive, started))
 
 
 def test_broker_killed(tmp_path: Path) -> None:
