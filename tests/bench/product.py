@@ -42,6 +42,7 @@ def measure_product(workload: Workload, robots: int, duration_s: float, fleet: F
         **probe.figures(),
         "realtime": to_s(outcome.progress.now_ns) / outcome.wall_s,
         "recording_share": outcome.recording_s / outcome.wall_s,
+        "recording_cpu_share": outcome.recording_cpu_s / outcome.wall_s,
         "startup_s": outcome.startup_s,
         "log_bytes": log_bytes / activations,
     }

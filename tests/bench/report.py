@@ -114,9 +114,10 @@ def recording_table(samples: Samples) -> str:
     rows = []
     for robots in (30, 100):
         cell = Cell("product", robots)
-        share = [100 * value for value in samples.values(cell, "recording_share")]
-        rows.append([str(robots), spread(share), spread(samples.values(cell, "log_bytes"), 0), "< 15"])
-    head = ["robots", "% of wall time", "log bytes per activation", "aim %"]
+        names = ("recording_share", "recording_cpu_share")
+        shares = [spread([100 * value for value in samples.values(cell, name)]) for name in names]
+        rows.append([str(robots), *shares, spread(samples.values(cell, "log_bytes"), 0), "< 15"])
+    head = ["robots", "% of wall time", "its CPU, % of wall time", "log bytes per activation", "aim %"]
     return _table("Share of a run spent recording, Zenoh fleet", head, rows)
 
 
