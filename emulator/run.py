@@ -218,5 +218,6 @@ def _result(progress: Progress) -> dict[str, str]:
         "activations": str(progress.activations),
         "sent": str(progress.sent),
         "delivered": str(progress.delivered),
+        "unsent": str(progress.unsent),
         **{f"dropped:{reason}": str(count) for reason, count in progress.dropped.items()},
     }
