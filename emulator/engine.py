@@ -34,7 +34,7 @@ from channels.units import to_ns
 from emulator.agenda import Agenda, Event
 from emulator.airwaves import Starting
 from emulator.fleet import RobotFailure
-from emulator.interrupts import held
+from emulator.interrupts import check, held
 from emulator.mail import Mail
 from emulator.parts import Parts, Progress
 
@@ -89,6 +89,7 @@ class Engine:
                 self._before_instant(duration)
                 return
             self._before_instant(now)
+            check()
             self.progress.now_ns = now
             self._instant(now)
             if self._is_over():

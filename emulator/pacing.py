@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from channels.units import NS_PER_S
+from emulator.interrupts import waiting
 
 TOLERANCE_S = 0.05
 """An instant later than this behind its time is an overrun."""
@@ -36,7 +37,8 @@ class Pacer:
             self._start = self._clock()
         ahead = self._start + now_ns / NS_PER_S / self._rate - self._clock()
         if ahead > 0:
-            self._sleep(ahead)
+            with waiting():
+                self._sleep(ahead)
         elif ahead < -TOLERANCE_S:
             self.overruns += 1
             self.worst_overrun_s = max(self.worst_overrun_s, -ahead)

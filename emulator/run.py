@@ -18,7 +18,7 @@ from emulator.engine import Engine
 from emulator.errors import RunFailed, UserError
 from emulator.fleet import Fleet, RobotFailure
 from emulator.fleet.in_process import InProcessFleet
-from emulator.interrupts import held
+from emulator.interrupts import held, noted
 from emulator.pacing import Pacer
 from emulator.parts import Progress
 from emulator.scenario import RobotSpec, RunSettings, Scenario, team
@@ -114,7 +114,7 @@ def run(scenario: Scenario, options: Options) -> Outcome:
     fleet = _fleet(scenario, specs, options)
     try:
         recorder = make_recorder(scenario, specs, options.out, force=options.force, files=options.files)
-        with _recording(recorder):
+        with noted(), _recording(recorder):
             return _run(scenario, specs, options, fleet, recorder, begun)
     finally:
         fleet.close()

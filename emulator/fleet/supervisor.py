@@ -34,6 +34,7 @@ from agent.zygote import (
     encode,
 )
 from emulator.errors import RunFailed, UserError
+from emulator.interrupts import waiting
 
 HASH_SEED = "0"
 """Of every process that runs a behaviour: sets of text then have the same order in all of them."""
@@ -140,7 +141,9 @@ class Supervisor:
             self._control.send(encode(request))
 
     def _await_answer(self) -> Prepared | Spawned:
-        if not self._answered.acquire(timeout=ANSWER_TIMEOUT_S):
+        with waiting():
+            answered = self._answered.acquire(timeout=ANSWER_TIMEOUT_S)
+        if not answered:
             raise RunFailed(
                 f"importing the behaviours took more than {ANSWER_TIMEOUT_S:g} s; "
                 "a module should define things, and leave work to its behaviour"

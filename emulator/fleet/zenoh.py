@@ -39,6 +39,7 @@ from emulator.fleet import RobotFailure
 from emulator.fleet.access import access_control
 from emulator.fleet.process_state import is_runnable, processor_time_s
 from emulator.fleet.supervisor import Supervisor
+from emulator.interrupts import waiting
 
 Answer = TypeVar("Answer", Ready, Report)
 
@@ -206,7 +207,8 @@ class ZenohFleet:
         if lost is not None:
             name = self._robots[lost]
             raise RobotFailure(name, self._supervisor.cause_of_end(name))
-        sample: zenoh.Sample | None = self._reports.recv()
+        with waiting():
+            sample: zenoh.Sample | None = self._reports.recv()
         while sample is not None:
             sender = self._index.get(robot_of(str(sample.key_expr)))
             raw = sample.payload.to_bytes()
