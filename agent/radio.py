@@ -32,7 +32,9 @@ class Radio:
         self._access = SlotAccess(plan) if plan.slot_ns else None
 
     def broadcast(self, payload: object) -> bool:
-        """Send to whoever is in range. False where the own transmit queue is full (it is recorded).
+        """Send to whoever is in range. False where the own queue for slots is full.
+
+        Without slots the radio itself drops what its queue cannot hold. Both are recorded, `queue_full`.
 
         `payload`: anything msgpack carries (numbers, text, bytes, lists, dicts, None).
         Raises MessageTooLong, TypeError for other objects, TooMuchAtOnce past 1000 at one instant.

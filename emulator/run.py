@@ -192,7 +192,6 @@ def _failed(
     with held():
         recorder.fault(now, {"kind": "robot failed", "robot": failure.robot, "error": failure.cause})
         recorder.note(now, "error", failure.robot, failure.cause)
-        recorder.abort()
     return RunFailed(
         f"robot {failure.robot} {failure.cause} (at {to_s(now):g} s; the log up to then is {options.out})",
         robot=failure.robot,

@@ -182,17 +182,22 @@ async def main(robot):
 
 def start_endless(folder: Path) -> subprocess.Popen[str]:
     """A run that takes minutes, already recording."""
-    scenario = write_scenario(folder, ENDLESS, TOML)
+    return start_recording(folder, ENDLESS, 20, "--rate", "5")
+
+
+def start_recording(folder: Path, code: str, transmissions: int, *options: str) -> subprocess.Popen[str]:
+    """A long run of which more than so many transmissions are already in `log.mcap`."""
+    scenario = write_scenario(folder, code, TOML)
     out = folder / "log.mcap"
     command = [sys.executable, "-m", "emulator", "run", str(scenario), "--out", str(out), "--json"]
     process = subprocess.Popen(
-        [*command, "--duration", "1000", "--rate", "5"],
+        [*command, "--duration", "1000", *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
     deadline = time.monotonic() + TIMEOUT_S
-    while radio_records(out) <= 20 and time.monotonic() < deadline:
+    while radio_records(out) <= transmissions and time.monotonic() < deadline:
         assert process.poll() is None, process.stderr and process.stderr.read()
         time.sleep(0.05)
     return process
@@ -222,23 +227,13 @@ def test_interrupted(how: signal.Signals, code: int, tmp_path: Path) -> None:
 def test_interrupted_at_any_moment(delay_s: float, tmp_path: Path) -> None:
     """Wherever Ctrl-C strikes, also in the middle of a record, no half of anything is left."""
     busy = ENDLESS.replace("0.1", "0.001")
-    scenario = write_scenario(tmp_path, busy, TOML)
-    out = tmp_path / "log.mcap"
-    command = [sys.executable, "-m", "emulator", "run", str(scenario), "--out", str(out), "--json"]
-    process = subprocess.Popen(
-        [*command, "--duration", "1000", "--fleet", "in_process"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    while radio_records(out) == 0:
-        assert process.poll() is None
-        time.sleep(0.05)
+    process = start_recording(tmp_path, busy, 0, "--fleet", "in_process")
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(delay_s)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=TIMEOUT_S)
-    assert process.returncode == 130, stderr.decode()
-    with whole_log(out) as log:
+    assert process.returncode == 130, stderr
+    with whole_log(tmp_path / "log.mcap") as log:
         sequences = [sequence for _, sequence, _, _ in log.raw()]
         assert sequences == list(range(len(sequences)))
         for topic in ("/radio", "/robot", "/truth", "/faults"):
