@@ -1,10 +1,18 @@
-"""Where robots start: sides of squares, grids, directions. Pure functions of numbers."""
+"""Where robots start: sides of squares, grids, directions. Pure functions of seed, ids and numbers."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Literal
+
+from channels.randomness import Draws, stable_keys
 
 Vector = tuple[float, float]
+Placement = Literal["uniform", "grid", "jittered_grid"]
+"""Anywhere in the area; in the centre of a cell of its own; anywhere in a cell of its own."""
+
+CENTRE = (0.5, 0.5)
 
 
 def quantised(angle_rad: float) -> float:
@@ -22,18 +30,55 @@ def heading_of(velocity_mps: Vector, *, otherwise: float) -> float:
 
 def along(heading_rad: float, speed_mps: float) -> Vector:
     """Velocity [m/s] in a direction; equal on every machine, its speed right to 1e-9."""
+    if speed_mps == 0:
+        return 0.0, 0.0  # no component of which is -0.0
     return speed_mps * quantised(math.cos(heading_rad)), speed_mps * quantised(math.sin(heading_rad))
 
 
-def grid(robots: int, width_m: float, height_m: float) -> list[Vector]:
-    """Centres of the cells of a grid of about square cells, row by row from (0, 0).
+def places(
+    placement: Placement, seed: int, ids: Sequence[str], width_m: float, height_m: float
+) -> list[Vector]:
+    """Where each robot of a team starts [m] if all of it is placed in one way, in team order.
 
-    The last row may have free cells.
+    What is drawn for a robot depends on the seed, the placement and its own id only; its cell of a grid
+    follows from its index in the team. `jittered_grid`: Ivanov & Shell 2016, sec. 5.4, perturbed uniformly
+    by up to half a grid spacing in either direction along each axis.
+    """
+    if placement == "grid":
+        return grid(len(ids), width_m, height_m)
+    if placement == "jittered_grid":
+        return grid(len(ids), width_m, height_m, _drawn(seed, "jitter", ids))
+    return [(x * width_m, y * height_m) for x, y in _drawn(seed, "placement", ids)]
+
+
+def drawn_headings(seed: int, ids: Sequence[str]) -> list[float]:
+    """A direction [rad] for each robot, uniform, to 1e-9."""
+    draws = Draws(seed, "placement").uniform(stable_keys(ids), 2)
+    return [quantised(math.pi * (2.0 * float(draw) - 1.0)) for draw in draws]
+
+
+def grid(
+    robots: int, width_m: float, height_m: float, within: Sequence[Vector] | None = None
+) -> list[Vector]:
+    """One place in each cell of a grid of about square cells, row by row from (0, 0).
+
+    `within`: where in its cell each robot is, as shares of the cell; None: in the centre. The last row may
+    have free cells.
     """
     columns = min(robots, math.ceil(math.sqrt(robots * width_m / height_m)))
     rows = math.ceil(robots / columns)
     cell_x_m, cell_y_m = width_m / columns, height_m / rows
-    return [((k % columns + 0.5) * cell_x_m, (k // columns + 0.5) * cell_y_m) for k in range(robots)]
+    return [
+        # Rounding must not carry anybody out of the area.
+        (min((k % columns + x) * cell_x_m, width_m), min((k // columns + y) * cell_y_m, height_m))
+        for k, (x, y) in enumerate(within or [CENTRE] * robots)
+    ]
+
+
+def _drawn(seed: int, stream: str, ids: Sequence[str]) -> list[Vector]:
+    """Two numbers in [0, 1) for each robot, uniform."""
+    draws, keys = Draws(seed, stream), stable_keys(ids)
+    return list(zip(draws.uniform(keys, 0).tolist(), draws.uniform(keys, 1).tolist(), strict=True))
 
 
 def side_for_neighbours(robots: int, neighbours: float, range_m: float) -> float:

@@ -6,15 +6,13 @@ Loading one from a file is in `emulator.scenario_file`, what has to hold between
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, Struct
 
-from channels.randomness import Draws, stable_keys
 from channels.settings import (
     CameraSettings,
     ClockSettings,
@@ -22,17 +20,24 @@ from channels.settings import (
     Positive,
     RadioSettings,
 )
-from emulator.placement import Vector, along, grid, heading_of, quantised, side_for_neighbours
+from emulator.groups import MAX_SPEED_MPS, CruiseSpeed, GroupSettings, Name, group_of_each
+from emulator.placement import (
+    Placement,
+    Vector,
+    along,
+    drawn_headings,
+    heading_of,
+    places,
+    side_for_neighbours,
+)
 
 MAX_ROBOTS = 1000
 MIN_SIDE_M = 0.001
 MAX_SIDE_M = 10_000_000.0
-MAX_SPEED_MPS = 10_000.0
 
 Side = Annotated[float, Meta(ge=MIN_SIDE_M, le=MAX_SIDE_M)]
 Speed = Annotated[float, Meta(gt=0, le=MAX_SPEED_MPS)]
 Velocity = Annotated[float, Meta(ge=-MAX_SPEED_MPS, le=MAX_SPEED_MPS)]
-Name = Annotated[str, Meta(min_length=1)]
 Size = Annotated[int, Meta(ge=1, le=MAX_ROBOTS)]
 
 
@@ -41,9 +46,10 @@ class StaticMotion(Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
 
 
 class BounceMotion(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="bounce"):
-    """Straight lines at one speed, reflected at the walls of the area."""
+    """Straight lines, reflected at the walls of the area."""
 
-    speed_mps: Speed
+    speed_mps: CruiseSpeed
+    """Of all whose group or own table says nothing else."""
 
 
 class CommandedMotion(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="commanded"):
@@ -76,7 +82,8 @@ class WorldSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Width and height of a rectangle with one corner at (0, 0)."""
     neighbours: Positive | None = None
     """Mean number of robots in radio range of one, for robots placed uniformly in a square."""
-    placement: Literal["uniform", "grid"] = "uniform"
+    placement: Placement = "uniform"
+    """Cells of a grid are those of the whole team, in team order, whoever else is placed otherwise."""
     heading: Literal["drawn", "zero"] = "drawn"
     motion: Motion = StaticMotion()
 
@@ -118,6 +125,8 @@ class Settings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     run: RunSettings
     world: WorldSettings
     robot: Annotated[list[RobotSettings], Meta(max_length=MAX_ROBOTS)] = []
+    group: Annotated[list[GroupSettings], Meta(max_length=MAX_ROBOTS)] = []
+    """Never overlapping, drawn in this order."""
     radio: RadioSettings
     camera: CameraSettings | None = None
     lamp: LampSettings = LampSettings()
@@ -169,26 +178,27 @@ def area_m(settings: Settings) -> Vector:
     return side, side
 
 
+def groups(settings: Settings) -> dict[str, GroupSettings]:
+    """The group of every robot, in robot order; `groups.NO_GROUP` for those in none."""
+    return group_of_each(settings.group, settings.seed, team_ids(settings))
+
+
 def team(settings: Settings) -> list[RobotSpec]:
     """Every robot of a scenario that has passed `scenario_checks.check`, in robot order.
 
-    What is drawn depends on the seed and on the robot's own id only, so another robot more or less
-    moves nobody in units of the area.
+    What is drawn for a robot depends on the seed and on its own id only, so another robot more or less
+    moves nobody in units of the area, except within a grid or into and out of a group.
     """
-    ids = team_ids(settings)
-    special = {robot.id: robot for robot in settings.robot}
-    places = _places(settings, ids)
-    headings = _headings(settings, ids)
-    return [
-        _spec(settings, special.get(name) or RobotSettings(name), place, heading)
-        for name, place, heading in zip(ids, places, headings, strict=True)
-    ]
+    group_of = groups(settings)
+    headings = _headings(settings, list(group_of))
+    starts = zip(_own_tables(settings, group_of), _places(settings, group_of), headings, strict=True)
+    return [_spec(settings, own, group_of[own.id], place, heading) for own, place, heading in starts]
 
 
 def resolved(scenario: Scenario) -> Settings:
-    """The same scenario with team, places and area written out."""
+    """The same scenario with team, places and area written out, robot by robot, and hence no groups."""
     bouncing = isinstance(scenario.world.motion, BounceMotion)
-    own_params = {robot.id: robot.params for robot in scenario.robot}
+    specs = team(scenario)
     robots = [
         RobotSettings(
             id=spec.id,
@@ -196,13 +206,20 @@ def resolved(scenario: Scenario) -> Settings:
             heading_rad=spec.heading_rad,
             velocity_mps=spec.velocity_mps if bouncing else None,
             behaviour=spec.behaviour,
-            params=own_params.get(spec.id, {}),
+            params=own.params,
         )
-        for spec in team(scenario)
+        for spec, own in zip(specs, _own_tables(scenario, groups(scenario)), strict=True)
     ]
-    world = msgspec.structs.replace(scenario.world, area_m=area_m(scenario), neighbours=None)
-    fields = {name: getattr(scenario, name) for name in Settings.__struct_fields__}
-    return Settings(**fields | {"robots": team_ids(scenario), "robot": robots, "world": world})
+    # What nobody runs is no part of the run: a log does not carry its file.
+    used = scenario.behaviour in {spec.behaviour for spec in specs}
+    fields = {name: getattr(scenario, name) for name in Settings.__struct_fields__} | {
+        "behaviour": scenario.behaviour if used else None,
+        "robots": team_ids(scenario),
+        "robot": robots,
+        "group": [],
+        "world": msgspec.structs.replace(scenario.world, area_m=area_m(scenario), neighbours=None),
+    }
+    return Settings(**fields)
 
 
 def resolved_json(scenario: Scenario) -> str:
@@ -212,15 +229,32 @@ def resolved_json(scenario: Scenario) -> str:
     part of what was run.
     """
     document = {"name": scenario.name} | msgspec.structs.asdict(resolved(scenario))
-    del document["limits"]
+    del document["limits"], document["group"]
     return msgspec.json.encode(document).decode()
 
 
-def _spec(settings: Settings, own: RobotSettings, place: Vector, heading: float) -> RobotSpec:
+def _own_tables(settings: Settings, group_of: Mapping[str, GroupSettings]) -> list[RobotSettings]:
+    """The table of every robot, with behaviour and params of its group where it has none of its own."""
+    special = {robot.id: robot for robot in settings.robot}
+    own = [special.get(name) or RobotSettings(name) for name in group_of]
+    return [
+        msgspec.structs.replace(
+            table,
+            behaviour=table.behaviour or group_of[table.id].behaviour,
+            params=group_of[table.id].params | table.params,
+        )
+        for table in own
+    ]
+
+
+def _spec(
+    settings: Settings, own: RobotSettings, group: GroupSettings, place: Vector, heading: float
+) -> RobotSpec:
     heading = heading if own.heading_rad is None else own.heading_rad
     velocity = (0.0, 0.0)
     if isinstance(settings.world.motion, BounceMotion):
-        velocity = own.velocity_mps or along(heading, settings.world.motion.speed_mps)
+        speed = settings.world.motion.speed_mps if group.speed_mps is None else group.speed_mps
+        velocity = along(heading, speed) if own.velocity_mps is None else own.velocity_mps
         heading = heading_of(velocity, otherwise=heading)
     behaviour = own.behaviour or settings.behaviour
     assert behaviour is not None
@@ -237,14 +271,12 @@ def _spec(settings: Settings, own: RobotSettings, place: Vector, heading: float)
 def _headings(settings: Settings, ids: Sequence[str]) -> list[float]:
     if settings.world.heading == "zero":
         return [0.0] * len(ids)
-    draws = Draws(settings.seed, "placement").uniform(stable_keys(ids), 2)
-    return [quantised(math.pi * (2.0 * float(draw) - 1.0)) for draw in draws]
+    return drawn_headings(settings.seed, ids)
 
 
-def _places(settings: Settings, ids: Sequence[str]) -> list[Vector]:
-    width, height = area_m(settings)
-    if settings.world.placement == "grid":
-        return grid(len(ids), width, height)
-    draws = Draws(settings.seed, "placement")
-    xs, ys = draws.uniform(stable_keys(ids), 0), draws.uniform(stable_keys(ids), 1)
-    return [(float(x) * width, float(y) * height) for x, y in zip(xs, ys, strict=True)]
+def _places(settings: Settings, group_of: Mapping[str, GroupSettings]) -> list[Vector]:
+    """Each robot's place in its own placement of the whole team: a cell whose robot is elsewhere is empty."""
+    ids = list(group_of)
+    wanted = [group_of[name].placement or settings.world.placement for name in ids]
+    of_team = {way: places(way, settings.seed, ids, *area_m(settings)) for way in dict.fromkeys(wanted)}
+    return [of_team[way][index] for index, way in enumerate(wanted)]

@@ -17,6 +17,7 @@ import msgspec
 from channels.keys import ROBOT_ID
 from channels.settings import RadioSettings, TdmaSettings
 from channels.units import MAX_TIME_NS, NS_PER_S, airtime_ns, to_ns
+from emulator.groups import GroupSettings, size
 from emulator.placement import Vector, heading_of
 from emulator.scenario import (
     MAX_SIDE_M,
@@ -25,6 +26,7 @@ from emulator.scenario import (
     RobotSettings,
     Settings,
     area_m,
+    groups,
     team_ids,
 )
 
@@ -48,6 +50,7 @@ def check(settings: Settings) -> None:
     for section in ("run", "radio", "camera", "lamp", "clock", "limits", "record"):
         _check_spans(section, msgspec.to_builtins(getattr(settings, section)))
     _check_team(settings)
+    _check_groups(settings)
     _check_area(settings)
     _check_radio(settings.radio)
     for robot in settings.robot:
@@ -93,14 +96,49 @@ def _check_team(settings: Settings) -> None:
 
 def _check_ids(key: str, ids: list[str]) -> None:
     for name, times in Counter(ids).items():
-        if not ROBOT_ID.fullmatch(name):
-            raise InvalidError(
-                key,
-                f"{_quoted(name)} cannot be a robot's id; use up to 32 letters, digits, - and _, "
-                "of which the first is a letter or digit",
-            )
+        _check_name(key, name, "a robot's id")
         if times > 1:
             raise InvalidError(key, f"{times} robots are called {name}; give each robot an id of its own")
+
+
+def _check_name(key: str, name: str, of: str) -> None:
+    if not ROBOT_ID.fullmatch(name):
+        raise InvalidError(
+            key,
+            f"{_quoted(name)} cannot be {of}; use up to 32 letters, digits, - and _, "
+            "of which the first is a letter or digit",
+        )
+
+
+def _check_groups(settings: Settings) -> None:
+    for name, times in Counter(group.name for group in settings.group).items():
+        _check_name("group.name", name, "a group's name")
+        if times > 1:
+            raise InvalidError("group.name", f"{times} groups are called {name}; give each a name of its own")
+    for group in settings.group:
+        _check_group(settings, group)
+    team = len(team_ids(settings))
+    sizes = {group.name: size(group, team) for group in settings.group}
+    if sum(sizes.values()) > team:
+        listed = ", ".join(f"{name} {number}" for name, number in sizes.items())
+        raise InvalidError(
+            "group",
+            f"needs {sum(sizes.values())} robots ({listed}), the team has {team}; make a group smaller",
+        )
+
+
+def _check_group(settings: Settings, group: GroupSettings) -> None:
+    key = f"group.{group.name}"
+    if group.robots is None and group.share is None:
+        why = f"missing key {key}.robots: say how many robots it has, or {key}.share instead"
+        raise InvalidError(f"{key}.robots", why, names_key=True)
+    if group.robots is not None and group.share is not None:
+        raise InvalidError(f"{key}.share", f"{key}.robots sets its size as well; keep one of them")
+    if group.speed_mps is not None and not isinstance(settings.world.motion, BounceMotion):
+        raise InvalidError(
+            f"{key}.speed_mps",
+            'only robots that bounce have one; set world.motion.kind to "bounce", or leave it out',
+        )
 
 
 def _check_area(settings: Settings) -> None:
@@ -189,12 +227,15 @@ def _check_functions(settings: Settings) -> None:
         _check_function("behaviour", settings.behaviour)
     if settings.score is not None:
         _check_function("score", settings.score)
+    for group in settings.group:
+        if group.behaviour is not None:
+            _check_function(f"group.{group.name}.behaviour", group.behaviour)
     own = {robot.id: robot.behaviour for robot in settings.robot}
-    for robot in team_ids(settings):
+    for robot, group in groups(settings).items():
         behaviour = own.get(robot)
         if behaviour is not None:
             _check_function(f"robot.{robot}.behaviour", behaviour)
-        elif settings.behaviour is None:
+        elif group.behaviour is None and settings.behaviour is None:
             why = f'missing key behaviour: {robot} has nothing to run; write behaviour = "file.py:function"'
             raise InvalidError("behaviour", why, names_key=True)
 

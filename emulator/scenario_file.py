@@ -126,6 +126,7 @@ def _scenario(settings: Settings, name: str, text: bytes, folder: Path | None) -
 
 def _functions(settings: Settings) -> list[tuple[str, str]]:
     named = [("behaviour", settings.behaviour), ("score", settings.score)]
+    named += [(f"group.{group.name}.behaviour", group.behaviour) for group in settings.group]
     named += [(f"robot.{robot.id}.behaviour", robot.behaviour) for robot in settings.robot]
     return [(key, function) for key, function in named if function is not None]
 

@@ -23,6 +23,10 @@ Schema = inspect.Type
 Number = inspect.FloatType | inspect.IntType
 
 ROOT = inspect.type_info(Settings)
+ANY = inspect.AnyType()
+
+NAMED_BY = {"robot": "id", "group": "name"}
+"""Lists of tables, and the key by whose value one of them goes in a dotted key."""
 
 UNITS = {
     "_mps": "metres per second",
@@ -52,17 +56,22 @@ def convert(raw: dict[str, Any]) -> Settings:
 
 
 def key_of(path: Iterable[Step], raw: Any) -> str:
-    """A place in a document as users write it; a robot's table goes by the robot's id."""
+    """A place in a document as users write it; the table of a robot or group goes by its name."""
     words: list[str] = []
     for step in path:
         raw = _inner(raw, step)
         if isinstance(step, str):
             words.append(step if re.fullmatch(r"[\w-]+", step) else shown(step))
-        elif words == ["robot"] and isinstance(raw, dict) and isinstance(raw.get("id"), str):
-            words.append(str(raw["id"]))
+        elif len(words) == 1 and isinstance(name := name_of(words[0], raw), str):
+            words.append(name)
         else:
             words[-1] += f"[{step}]"
     return ".".join(words)
+
+
+def name_of(key: str, table: Any) -> Any:
+    """By what a table of the list `key` goes; None where it has no name."""
+    return table.get(NAMED_BY[key]) if key in NAMED_BY and isinstance(table, dict) else None
 
 
 def tables(schema: Schema) -> list[inspect.StructType]:
@@ -86,6 +95,16 @@ def members(schema: Schema) -> dict[str, Schema]:
     for table in tables(schema):
         found.update({field.encode_name: field.type for field in table.fields})
     return found
+
+
+def item(schema: Schema, place: int = 0) -> Schema:
+    """What a list may hold in one place."""
+    for option in options(schema):
+        if isinstance(option, inspect.ListType):
+            return option.item_type
+        if isinstance(option, inspect.TupleType):
+            return option.item_types[place]
+    return ANY
 
 
 def unknown_key(path: tuple[Step, ...], known: Iterable[str], raw: Any) -> InvalidError:
@@ -221,20 +240,8 @@ def _chosen(schema: Schema, value: Any) -> dict[str, Schema]:
 def _schema_at(path: Iterable[Step]) -> Schema:
     schema: Schema = ROOT
     for step in path:
-        if isinstance(step, str):
-            schema = members(schema).get(step, inspect.AnyType())
-        else:
-            schema = _item(schema, step)
+        schema = members(schema).get(step, ANY) if isinstance(step, str) else item(schema, step)
     return schema
-
-
-def _item(schema: Schema, step: int) -> Schema:
-    for option in options(schema):
-        if isinstance(option, inspect.ListType):
-            return option.item_type
-        if isinstance(option, inspect.TupleType):
-            return option.item_types[step]
-    return inspect.AnyType()
 
 
 def _inner(raw: Any, step: Step) -> Any:

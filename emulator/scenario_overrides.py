@@ -1,16 +1,40 @@
-"""`--set a.b.c=value`: change single keys of a scenario, typed by the schema."""
+"""`--set a.b.c=value`: change single keys of a scenario, typed by the schema.
+
+The tables of robots and groups go by name: `robot.r03.params.tries`, `group.mobile.share`.
+"""
 
 from __future__ import annotations
 
+import copy
 import tomllib
 from typing import Any
 
 from msgspec import inspect
 
 from emulator.scenario_checks import InvalidError
-from emulator.scenario_keys import ROOT, Schema, members, misfit, options, shown, tables, unknown_key
+from emulator.scenario_keys import (
+    ANY,
+    NAMED_BY,
+    ROOT,
+    Schema,
+    item,
+    members,
+    misfit,
+    name_of,
+    options,
+    shown,
+    tables,
+    unknown_key,
+)
 
-EXCLUSIVE: dict[tuple[str, ...], str] = {("world", "area_m"): "neighbours", ("world", "neighbours"): "area_m"}
+Path = tuple[str, ...]
+
+EXCLUSIVE: dict[Path, str] = {
+    ("world", "area_m"): "neighbours",
+    ("world", "neighbours"): "area_m",
+    ("group", "robots"): "share",
+    ("group", "share"): "robots",
+}
 """Of two keys that exclude each other, setting one takes the other's place."""
 
 
@@ -22,38 +46,62 @@ def apply(raw: dict[str, Any], override: str) -> str:
     """
     key, equals, text = override.partition("=")
     key = key.strip()
-    path = tuple(word.strip() for word in key.split("."))
+    path: Path = tuple(word.strip() for word in key.split("."))
     if not equals or not all(path):
         why = f"{shown(override)} sets nothing; write key=value, for example radio.range_m=16"
         raise InvalidError(override, why, names_key=True)
-    if path[0] == "params" and len(path) > 1:
-        _set_param(raw, path, text.strip())
+    table, schema, depth = raw, ROOT, 0
+    if path[0] in NAMED_BY and len(path) > 1:
+        table, schema, depth = _named_table(raw, path), item(members(ROOT)[path[0]]), 2
+    if path[depth] == "params" and len(path) > depth + 1:
+        _set_param(raw, table, path, depth, text.strip())
     else:
-        _set(raw, path, text.strip())
+        _set(raw, table, schema, path, depth, text.strip())
     return key
 
 
-def _set(raw: dict[str, Any], path: tuple[str, ...], text: str) -> None:
-    table, schema = raw, ROOT
-    for depth, step in enumerate(path[:-1], 1):
-        schema = _member(schema, path[:depth], raw)
+def _named_table(raw: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The table of one robot or group, which the file must have."""
+    key, listed = path[0], raw.get(path[0], [])
+    expected = members(ROOT)[key]
+    if not isinstance(listed, list):
+        raise misfit(path[:1], expected, listed, raw)
+    found = {name: table for table in listed if isinstance(name := name_of(key, table), str)}
+    if not found:
+        why = f"unknown key {'.'.join(path[:2])}, there are no [[{key}]] tables in the file"
+        raise InvalidError(".".join(path[:2]), why, names_key=True)
+    if path[1] not in found:
+        raise unknown_key(path[:2], found, raw)
+    if len(path) == 2:
+        known = ", ".join(sorted(members(item(expected))))
+        raise InvalidError(".".join(path), f"is a table; set its keys singly, possible are {known}")
+    table: dict[str, Any] = found[path[1]]
+    return table
+
+
+def _set(
+    raw: dict[str, Any], table: dict[str, Any], schema: Schema, path: Path, depth: int, text: str
+) -> None:
+    """Set what `path` leads to; its first `depth` steps lead to `table`."""
+    for walked, step in enumerate(path[depth:-1], depth + 1):
+        schema = _member(schema, path[:walked], raw)
         if not tables(schema):
             raise InvalidError(
-                ".".join(path[:depth]), "holds no keys that could be set singly; set it as a whole"
+                ".".join(path[:walked]), "holds no keys that could be set singly; set it as a whole"
             )
         inner = table.setdefault(step, {})
         if not isinstance(inner, dict):
-            raise misfit(path[:depth], schema, inner, raw)
+            raise misfit(path[:walked], schema, inner, raw)
         table = inner
     name = path[-1]
     value = _value(_member(schema, path, raw), text)
     if any(alternative.tag_field == name for alternative in tables(schema)):
         _keep_known(table, schema, value)
-    table.pop(EXCLUSIVE.get(path, ""), None)
+    table.pop(EXCLUSIVE.get((path[0], name), ""), None)
     table[name] = value
 
 
-def _member(schema: Schema, path: tuple[str, ...], raw: dict[str, Any]) -> Schema:
+def _member(schema: Schema, path: Path, raw: dict[str, Any]) -> Schema:
     known = members(schema)
     if path[-1] not in known:
         raise unknown_key(path, known, raw)
@@ -85,14 +133,18 @@ def _parsed(text: str) -> Any:
     return document["value"] if set(document) == {"value"} else text
 
 
-def _set_param(raw: dict[str, Any], path: tuple[str, ...], text: str) -> None:
-    raw.setdefault("params", {})
-    table: Any = raw
-    for depth, step in enumerate(path, 1):
+def _set_param(raw: dict[str, Any], own: dict[str, Any], path: Path, depth: int, text: str) -> None:
+    """Set a param of the table `own`, at `path[:depth]`; it has those of the whole scenario as well."""
+    params = own.get("params", {})
+    if not isinstance(params, dict):
+        raise misfit(path[: depth + 1], ANY, params, raw)
+    shared = raw.get("params")
+    known: Any = copy.deepcopy((shared if isinstance(shared, dict) else {}) | params)
+    table = known
+    for walked, step in enumerate(path[depth + 1 :], depth + 2):
         if not isinstance(table, dict) or step not in table:
-            known = table if isinstance(table, dict) else ()
-            raise unknown_key(path[:depth], known, raw)
-        if depth < len(path):
+            raise unknown_key(path[:walked], table if isinstance(table, dict) else (), raw)
+        if walked < len(path):
             table = table[step]
     old = table[path[-1]]
     new = text if isinstance(old, str) and not isinstance(_parsed(text), str) else _parsed(text)
@@ -102,6 +154,7 @@ def _set_param(raw: dict[str, Any], path: tuple[str, ...], text: str) -> None:
         why = f"must be {_kind(old)} like the {shown(old)} in the file, is {shown(new)}"
         raise InvalidError(".".join(path), why)
     table[path[-1]] = new
+    own["params"] = params | {path[depth + 1]: known[path[depth + 1]]}
 
 
 def _kind(value: Any) -> str:

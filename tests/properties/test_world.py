@@ -108,6 +108,16 @@ def test_bounce_does_not_depend_on_what_was_asked_before(
         assert np.array_equal(world.poses(t_ns), bouncing(x, y, velocity).poses(t_ns))
 
 
+@given(xs, ys, st.floats(-math.pi, math.pi), velocities, instants)
+def test_standing_robots_stand_whoever_bounces_around_them(
+    x: float, y: float, heading: float, velocity: tuple[float, float], t_ns: int
+) -> None:
+    standing = RobotSpec("a", (x, y), heading, (0.0, 0.0), "module:function", {})
+    mixed = World((WIDTH_M, HEIGHT_M), [standing, spec("b", y, x / 2, velocity)], BounceMotion(speed_mps=0))
+    assert mixed.poses(t_ns)[0].tolist() == [x, y, heading]
+    assert np.array_equal(mixed.poses(t_ns)[1], bouncing(y, x / 2, velocity).poses(t_ns)[0])
+
+
 @given(journeys, instants)
 def test_commanded_robots_stay_inside(journey: list[tuple[int, int, MotionCommand]], later_ns: int) -> None:
     world = commanded()

@@ -161,8 +161,24 @@ TOO_SHORT = (
         (
             "area_m = [20, 10]",
             'area_m = [1, 1]\nmotion = { kind = "bounce" }',
-            "missing key world.motion.speed_mps: must be a number of metres per second greater than 0 and at "
-            "most 10000",
+            "missing key world.motion.speed_mps: must be a number of metres per second from 0 to 10000",
+        ),
+        (
+            "area_m = [20, 10]",
+            'area_m = [1, 1]\nmotion = { kind = "bounce", speed_mps = -0.1 }',
+            "world.motion.speed_mps: must be a number of metres per second from 0 to 10000, is -0.1",
+        ),
+        (
+            "area_m = [20, 10]",
+            'area_m = [1, 1]\nmotion = { kind = "commanded", max_speed_mps = 0 }',
+            "world.motion.max_speed_mps: must be a number of metres per second greater than 0 and at most "
+            "10000, is 0",
+        ),
+        (
+            "area_m = [20, 10]",
+            'area_m = [1, 1]\nplacement = "jitterd_grid"',
+            'world.placement: must be "grid" or "jittered_grid" or "uniform", is "jitterd_grid"; did you mean '
+            "jittered_grid?",
         ),
         (
             "area_m = [20, 10]",
@@ -354,7 +370,8 @@ def test_files_that_cannot_be_read() -> None:
             "radio.range_m.x=5",
             "--set: radio.range_m: holds no keys that could be set singly; set it as a whole",
         ),
-        ("robot.r01.id=5", "--set: robot: holds no keys that could be set singly; set it as a whole"),
+        ("robot.r01.id=5", "--set: unknown key robot.r01, there are no [[robot]] tables in the file"),
+        ("robot=5", "--set robot=5: must be [[robot]] tables, is 5"),
         (
             "seed=1\nrobots=5",
             '--set seed=1 robots=5: must be a whole number of at least 0, is "1\\nrobots=5"; write the bare '
@@ -377,6 +394,49 @@ def test_files_that_cannot_be_read() -> None:
 )
 def test_one_mistaken_override_one_sentence(override: str, expected: str) -> None:
     assert complaint(BASE, override) == expected
+
+
+ONE_ROBOT = """
+[[robot]]
+id = "r01"
+params = { tries = 9, mine = "a" }
+"""
+
+
+def test_overrides_of_a_robots_table() -> None:
+    overrides = ("robot.r01.heading_rad=2", "robot.r01.params.tries=4", "robot.r01.params.table.a=5")
+    scenario = loaded(BASE + ONE_ROBOT, *overrides)
+    (own,) = scenario.robot
+    assert own.heading_rad == 2.0
+    assert own.params == {"tries": 4, "mine": "a", "table": {"a": 5}}
+    assert scenario.params["table"] == {"a": 1}
+    first, second, _ = team(scenario)
+    assert (first.params["tries"], second.params["tries"], second.params["table"]) == (3, 4, {"a": 5})
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("robot.r02.heading_rad=1", "--set: unknown key robot.r02, did you mean r01?"),
+        ("robot.r01.headin_rad=1", "--set: unknown key robot.r01.headin_rad, did you mean heading_rad (radians)?"),
+        ("robot.r01.heading_rad=up", '--set robot.r01.heading_rad=up: must be a number of radians, is "up"; write the bare number'),
+        ("robot.r01.position_m=[9, 99]", "--set robot.r01.position_m=[9, 99]: [9, 99] lies outside the area, which reaches from [0, 0] to [20, 10]; move the robot or enlarge the area"),
+        ("robot.r01.params.mint=b", "--set: unknown key robot.r01.params.mint, did you mean mine?"),
+        ("robot.r01.params.tries=b", '--set: robot.r01.params.tries: must be a whole number like the 9 in the file, is "b"'),
+        ("robot.r01.params.tries.x=1", "--set: unknown key robot.r01.params.tries.x, nothing can be set there"),
+        ("robot.r01.heading_rad.x=1", "--set: robot.r01.heading_rad: holds no keys that could be set singly; set it as a whole"),
+        ("robot.r01=1", "--set: robot.r01: is a table; set its keys singly, possible are behaviour, heading_rad, id, params, position_m, velocity_mps"),
+    ],
+)  # fmt: skip
+def test_mistaken_overrides_of_a_robots_table(override: str, expected: str) -> None:
+    assert complaint(BASE + ONE_ROBOT, override) == expected
+
+
+def test_overrides_below_what_is_no_table() -> None:
+    text = edited("robots = 3", "robots = 3\nrobot = 3")
+    assert complaint(text, "robot.r01.id=a") == "--set: robot: must be [[robot]] tables, is 3"
+    text = BASE + ONE_ROBOT.replace('{ tries = 9, mine = "a" }', "7")
+    assert complaint(text, "robot.r01.params.tries=1") == "--set: robot.r01.params: must be a table, is 7"
 
 
 def test_params_that_the_file_does_not_have() -> None:

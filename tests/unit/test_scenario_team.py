@@ -123,6 +123,57 @@ def test_grids_of_odd_shapes() -> None:
     assert grid(3, 4, 4) == [(1, 1), (3, 1), (1, 3)]
 
 
+@pytest.mark.parametrize(("robots_in_team", "columns", "rows"), [(8, 4, 2), (1, 1, 1), (1000, 45, 23)])
+def test_a_jittered_grid_is_uniform_in_the_cell_of_each_robot(
+    robots_in_team: int, columns: int, rows: int
+) -> None:
+    specs = team(settings({"placement": "jittered_grid"}, robots=robots_in_team))
+    x, y = np.array([spec.position_m for spec in specs]).T / [[20 / columns], [10 / rows]]
+    index = np.arange(robots_in_team)
+    within = np.array([x - index % columns, y - index // columns])
+    assert ((within >= 0) & (within <= 1)).all()
+    assert len(np.unique(within)) == 2 * robots_in_team
+    if robots_in_team == 1000:
+        for values in within:
+            counts, _ = np.histogram(values, bins=10, range=(0, 1))
+            assert counts.min() > 60  # 100 expected, standard deviation 9.5
+        uniform = np.array([spec.position_m for spec in team(settings(robots=1000))]).T
+        assert abs(np.corrcoef([*within, *uniform])[np.triu_indices(4, 1)]).max() < 0.12
+
+
+def test_jitter_goes_with_the_robot() -> None:
+    one = team(settings({"placement": "jittered_grid"}, robots=["a", "b", "c", "d"]))
+    other = team(settings({"placement": "jittered_grid"}, robots=["d", "c", "b", "a"]))
+    for spec, index, same, index_of_same in zip(one, range(4), reversed(other), (3, 2, 1, 0), strict=True):
+        assert spec.id == same.id
+        cells = np.array([[index % 3, index // 3], [index_of_same % 3, index_of_same // 3]]) * (20 / 3, 5)
+        moved = np.array([spec.position_m, same.position_m]) - cells
+        assert moved[0] == pytest.approx(moved[1], abs=1e-12)
+
+
+@pytest.mark.parametrize("side", [0.9, 3.9, 7.2])
+def test_rounding_carries_nobody_out_of_a_grid(side: float) -> None:
+    last = 1 - 2**-53  # the largest draw there is
+    assert (6 + last) * (side / 7) > side
+    assert max(x for x, _ in grid(49, side, 2 * side, [(last, last)] * 49)) <= side
+    assert max(y for _, y in grid(49, side, side, [(last, last)] * 49)) == side
+
+
+def test_bouncing_robots_may_stand() -> None:
+    still = {"kind": "bounce", "speed_mps": 0}
+    drawn = robots(settings(robots=3))
+    table = {"id": "r01", "velocity_mps": [0, -3]}
+    for name, spec in robots(settings({"motion": still}, robots=3, robot=[table])).items():
+        if name != "r01":
+            assert spec == drawn[name]
+            assert not np.signbit(spec.velocity_mps).any()
+        else:
+            assert spec.velocity_mps == (0, -3)
+    standing = {"id": "r01", "velocity_mps": [0, 0]}
+    one = robots(settings({"motion": BOUNCE}, robots=3, robot=[standing]))["r01"]
+    assert one == drawn["r01"]
+
+
 def test_headings_of_velocities() -> None:
     assert heading_of((0.0, 0.0), otherwise=0.25) == 0.25
     assert heading_of((1.0, 1.0), otherwise=0) == 0.785398163

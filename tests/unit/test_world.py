@@ -133,6 +133,21 @@ def test_bounce_at_rest_keeps_its_heading() -> None:
     assert resting.positions(S) is resting.positions(9 * S)
 
 
+def test_some_stand_where_others_bounce() -> None:
+    specs = [spec(10, 6, name="a"), spec(8, 2, (1, 0), name="b"), spec(0, 0, heading=-3.0, name="c")]
+    mixed = world(BounceMotion(speed_mps=1), *specs)
+    for t_s in (0, 1, 2, 3, 12, 20_002):
+        assert pose(mixed, t_s * S, 0) == (10, 6, 0.5)
+        assert pose(mixed, t_s * S, 2) == (0, 0, -3.0)
+    assert pose(mixed, 3 * S, 1) == (9, 2, 3.141592654)
+
+
+def test_a_velocity_of_minus_zero_is_none() -> None:
+    resting = world(BounceMotion(speed_mps=0), spec(10, 0, (-0.0, -0.0)))
+    assert pose(resting, 5 * S) == (10, 0, 0.5)
+    assert not np.signbit(resting.positions(5 * S)).any()
+
+
 def test_commanded_robots_stand_until_told() -> None:
     assert pose(commanded(), 100 * S) == (2, 3, 0.5)
 
