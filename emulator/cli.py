@@ -7,13 +7,15 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import orjson
 
+from emulator.arguments import Commands, add_command, add_json, print_json
 from emulator.assemble import version
 from emulator.errors import RunFailed, UserError
 from emulator.fleet.supervisor import HASH_SEED
@@ -29,6 +31,7 @@ from logs.reader import LogError, LogReader
 from logs.recover import recover
 
 OK, DIFFERENT = 0, 1
+EXPERIMENTS = "scenarios.commands"
 
 
 class Terminated(KeyboardInterrupt):
@@ -140,7 +143,7 @@ def _refuse_to_overwrite(parsed: argparse.Namespace, out: Path) -> None:
 
 def _report(parsed: argparse.Namespace, outcome: Outcome, result: dict[str, Any] | None) -> None:
     if parsed.json:
-        _print_json(outcome.summary(result))
+        print_json(outcome.summary(result))
     else:
         print(outcome_table(outcome, result or {}))
     if outcome.overruns:
@@ -152,7 +155,7 @@ def _report(parsed: argparse.Namespace, outcome: Outcome, result: dict[str, Any]
 def _scenarios(parsed: argparse.Namespace) -> int:
     found = shipped()
     if parsed.json:
-        _print_json([{"name": name, "title": title} for name, title in found])
+        print_json([{"name": name, "title": title} for name, title in found])
     else:
         width = max((len(name) for name, _ in found), default=0)
         for name, title in found:
@@ -175,7 +178,7 @@ def _score(parsed: argparse.Namespace) -> int:
     _warn_of_what_is_missing(parsed.log)
     result = score(parsed.log, parsed.source)
     if parsed.json:
-        _print_json(result)
+        print_json(result)
     else:
         print(score_table(result))
     return OK
@@ -192,7 +195,7 @@ def _warn_of_what_is_missing(path: Path) -> None:
 def _info(parsed: argparse.Namespace) -> int:
     about = info(parsed.log)
     if parsed.json:
-        _print_json(about)
+        print_json(about)
     else:
         print(format_info(about))
     return OK
@@ -228,10 +231,6 @@ def _write_stats(path: Path, outcome: Outcome) -> None:
         raise UserError(f"--stats: cannot write {path}: {error.strerror}; choose another file") from None
 
 
-def _print_json(value: Any) -> None:
-    print(orjson.dumps(value, option=orjson.OPT_INDENT_2).decode())
-
-
 # --- arguments -----------------------------------------------------------------------------------
 
 
@@ -246,48 +245,38 @@ def _parser() -> argparse.ArgumentParser:
 
     _add_run(commands)
 
-    scenarios = _command(commands, "scenarios", _scenarios, "list the scenarios that come with Heliograph")
-    _add_json(scenarios)
+    scenarios = add_command(commands, "scenarios", _scenarios, "list the scenarios that come with Heliograph")
+    add_json(scenarios)
 
-    check = _command(commands, "check", _check, "validate a scenario without running it")
+    check = add_command(commands, "check", _check, "validate a scenario without running it")
     _add_scenario(check)
 
-    scored = _command(commands, "score", _score, "score a log alone")
+    scored = add_command(commands, "score", _score, "score a log alone")
     _add_log(scored)
     _add_source(scored, "scoring function")
-    _add_json(scored)
+    add_json(scored)
 
-    verified = _command(commands, "verify", _verify, "run again what a log holds, and compare")
+    verified = add_command(commands, "verify", _verify, "run again what a log holds, and compare")
     _add_log(verified)
     _add_fleet(verified)
     _add_source(verified, "behaviours")
 
-    about = _command(commands, "info", _info, "what is in a log")
+    about = add_command(commands, "info", _info, "what is in a log")
     _add_log(about)
-    _add_json(about)
+    add_json(about)
 
-    whole = _command(commands, "recover", _recover, "make a whole log of a torn one")
+    whole = add_command(commands, "recover", _recover, "make a whole log of a torn one")
     _add_log(whole)
     whole.add_argument("--out", type=Path, required=True, metavar="FILE", help="where to write it")
     whole.add_argument("--force", action="store_true", help="overwrite an existing file")
-    return parser
 
-
-Commands = Any  # argparse names no type for it
-
-
-def _command(
-    commands: Commands, name: str, command: Callable[[argparse.Namespace], int], text: str
-) -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=text, description=text.capitalize() + "."
-    )
-    parser.set_defaults(command=command)
+    # Experiments bring commands of their own. They stand above the emulator: named, not imported.
+    import_module(EXPERIMENTS).add_commands(commands)
     return parser
 
 
 def _add_run(commands: Commands) -> None:
-    parser = _command(commands, "run", _run, "run a scenario, record it, score it")
+    parser = add_command(commands, "run", _run, "run a scenario, record it, score it")
     _add_scenario(parser)
     parser.add_argument("--rate", type=_rate, default=None, metavar="max|FLOAT",
                         help="virtual seconds per second (default: max, as fast as it can)")  # fmt: skip
@@ -297,7 +286,7 @@ def _add_run(commands: Commands) -> None:
     parser.add_argument("--stats", type=Path, metavar="FILE", help="write wall-clock statistics as JSON")
     parser.add_argument("--listen", metavar="ENDPOINT",
                         help="broker endpoint, as tcp/127.0.0.1:7447 (default: a Unix socket)")  # fmt: skip
-    _add_json(parser)
+    add_json(parser)
 
 
 def _add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -323,10 +312,6 @@ def _add_log(parser: argparse.ArgumentParser) -> None:
 def _add_source(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument("--source", type=Path, metavar="FOLDER",
                         help=f"where the Python files of the {what} are (default: in the log)")  # fmt: skip
-
-
-def _add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print one JSON value and nothing else")
 
 
 def _rate(text: str) -> float | None:

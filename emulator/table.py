@@ -45,17 +45,17 @@ def _messages(outcome: Outcome) -> str:
 
 
 def _flat(score: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """A row for every value; a table's plain values share one, and what is nested in it gets rows of its own."""
     rows: dict[str, str] = {}
     for key, value in score.items():
         name = f"{prefix}{key}"
-        if isinstance(value, Mapping) and all(isinstance(inner, Mapping | list) for inner in value.values()):
-            rows |= _flat(value, f"{name}.")
-        elif isinstance(value, Mapping):
-            rows[name] = _cut(
-                [f"{inner} {_shown(item)}" for inner, item in value.items() if not _nested(item)]
-            )
-        else:
+        if not isinstance(value, Mapping):
             rows[name] = _shown(value)
+            continue
+        plain = [f"{inner} {_shown(item)}" for inner, item in value.items() if not _nested(item)]
+        if plain or not value:
+            rows[name] = _cut(plain)
+        rows |= _flat({inner: item for inner, item in value.items() if _nested(item)}, f"{name}.")
     return rows
 
 

@@ -79,6 +79,32 @@ range_noise_m = 0.2
 bearing_noise_deg = 1.0
 """
 
+
+def _association(behaviour: str, params: str, *, radio: str = "", camera: str = "", more: str = "") -> str:
+    """A team that associates; the rest are lines for those tables, and whole tables."""
+    return f"""
+behaviour = "agent.behaviours.association.{behaviour}"
+robots = 20
+[run]
+duration_s = 6.0
+[world]
+area_m = [30.0, 30.0]
+motion = {{ kind = "bounce", speed_mps = 0.0 }}
+[radio]
+range_m = 14.0
+{radio}
+[camera]
+range_m = 18.0
+{camera}
+[lamp]
+colours = 3
+[params]
+step_s = 0.5
+{params}
+{more}
+"""
+
+
 SCENARIOS = {
     "lossy-jittery-radio": _COMMON
     + _CAMERA
@@ -143,4 +169,27 @@ range_m = 18.0
 [params]
 drives = false
 """,
+    "association-naive": _association("naive:associate", "ids = 20"),
+    "association-logarithmic": _association("logarithmic:associate", "ids = 20"),
+    "association-coloured-without-inclusion": _association(
+        "stationary:associate", "transmission_probability = 0.4\ncolours = 3\nchannel_inclusion = false"
+    ),
+    "association-noisy": _association(
+        "noisy:associate",
+        "transmission_probability = 0.5\nestimate_rates = true\nnobody = 0.2",
+        radio="loss = 0.1",
+        camera="lamp_miss = 0.05\nlamp_false = 0.02",
+    ),
+    "association-mobile": _association(
+        "stationary:beacon",
+        "transmission_probability = 0.5\nroll_call = false\ndrop_time = 3\nwireless_exceeds_visual = true",
+        more="""
+[[group]]
+name = "mobile"
+share = 0.5
+behaviour = "agent.behaviours.association.mobile:associate"
+placement = "jittered_grid"
+speed_mps = 6.0
+""",
+    ),
 }

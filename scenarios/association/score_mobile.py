@@ -1,0 +1,123 @@
+"""Score association among moving robots (Ivanov & Shell 2016, sec. 5.3-5.5) from a log.
+
+Near the walls there are fewer neighbours, and robots turn; what the paper's models describe is the middle of
+the area. So everything is told of all observers, and of those deeper than three ranges from the walls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import msgspec
+from numpy.typing import NDArray
+
+from channels.messages import MotionCommand
+from channels.units import to_ns
+from emulator.scenario import Motion, RobotSpec
+from emulator.world import World
+from logs.reader import LogReader
+from scenarios.association import score_metrics as metrics
+from scenarios.association.score import Entry, History, costs, read, truth_of
+from scenarios.association.score_metrics import Truth, judge
+
+RANGES_FROM_WALLS = 3.0
+
+
+def score(log: LogReader) -> dict[str, Any]:
+    """Score of one log; see `score_history` for what it holds."""
+    history = read(log)
+    truth = truth_of(record for _, record in history.truth)
+    deep = list(_deep(history))
+    return score_history(history.entries, deep, truth, history.sent, history.steady_from_step)
+
+
+def score_history(
+    entries: Iterable[Entry],
+    deep: Iterable[bool],
+    truth: Truth,
+    sent: Mapping[str, int],
+    steady_from_step: int | None = None,
+) -> dict[str, Any]:
+    """Score of what robots logged, against the truth.
+
+    `deep`: for each entry, whether its robot was deeper than three visual ranges from the walls when the
+    step began; `sent` counts transmissions of all robots of the team.
+
+    - `observers`: how many robots log.
+    - `from_step`: where the steady state begins (default: the second half of the run); `all`, `deep`: in it,
+      fraction matched, fraction right and ratio as `mean`, `sd`, `se`, `ratio_of_sums`, `visual_ids_in_list`.
+    - `per_step`: the mean over all observers after t = 0, 1, ... steps; None where nobody has any ids.
+    - `false_matches`: matches, over all robots and steps, that the truth contradicts.
+    - messages and flashes as in `score.score_history`.
+    """
+    judged = [judge(robot, data, truth) for robot, data in entries]
+    inside = [one for one, is_deep in zip(judged, deep, strict=True) if is_deep]
+    from_step = metrics.second_half(judged) if steady_from_step is None else steady_from_step
+    return {
+        "observers": len({one.robot for one in judged}),
+        "from_step": from_step,
+        "all": metrics.steady_state(judged, from_step),
+        "deep": metrics.steady_state(inside, from_step),
+        "per_step": {
+            "fraction_matched": metrics.per_step(judged, metrics.fraction_matched),
+            "fraction_right": metrics.per_step(judged, metrics.fraction_right),
+            "ratio": metrics.per_step(judged, metrics.ratio),
+            "ratio_of_sums": metrics.ratio_of_sums_per_step(judged),
+            "visual_ids_in_list": metrics.per_step(judged, metrics.visual_ids),
+        },
+        "false_matches": sum(one.matched - one.right for one in judged),
+        **costs(judged, sent),
+    }
+
+
+def _deep(history: History) -> Iterator[bool]:
+    """For each entry, whether its robot was far from the walls when the step began."""
+    if not history.entries:
+        return
+    starts = [record for _, record in history.truth if record["kind"] == "start"]
+    width, height = starts[0]["area_m"]
+    depth_m = RANGES_FROM_WALLS * history.settings["camera"]["range_m"]
+    step_ns = to_ns(history.settings["params"]["step_s"])
+    index = {robot["robot"]: number for number, robot in enumerate(starts[0]["robots"])}
+    begun_ns = [max(0, time_ns - step_ns) for time_ns in history.times_ns]
+    places = positions(history.truth, history.settings["world"]["motion"], begun_ns)
+    for (robot, _), positions_m in zip(history.entries, places, strict=True):
+        x, y = positions_m[index[robot]].tolist()
+        yield min(x, width - x, y, height - y) > depth_m
+
+
+def positions(
+    truth: Sequence[tuple[int, Mapping[str, Any]]], motion: Mapping[str, Any], times_ns: Iterable[int]
+) -> Iterator[NDArray[Any]]:
+    """x, y [m] of every robot, (N, 2), at each of these instants, which must not go back.
+
+    `truth`: (log time [ns], record) of all /truth; `motion`: the scenario's `world.motion`.
+    """
+    start = next(record for _, record in truth if record["kind"] == "start")
+    names = [robot["robot"] for robot in start["robots"]]
+    world = World(tuple(start["area_m"]), [_spec(robot) for robot in start["robots"]], _motion(motion))
+    commands = [(time_ns, record) for time_ns, record in truth if record["kind"] == "motion"]
+    applied = 0
+    for now_ns in times_ns:
+        while applied < len(commands) and commands[applied][0] <= now_ns:
+            time_ns, record = commands[applied]
+            world.command(names.index(record["robot"]), time_ns, _command(record))
+            applied += 1
+        yield world.positions(now_ns)
+
+
+def _motion(motion: Mapping[str, Any]) -> Motion:
+    converted: Motion = msgspec.convert(motion, Motion)
+    return converted
+
+
+def _spec(robot: Mapping[str, Any]) -> RobotSpec:
+    x, y = robot["position_m"]
+    vx, vy = robot["velocity_mps"]
+    return RobotSpec(robot["robot"], (x, y), robot["heading_rad"], (vx, vy), "", {})
+
+
+def _command(record: Mapping[str, Any]) -> MotionCommand:
+    x, y = record["velocity_mps"]
+    return MotionCommand((x, y), record["towards_m"] and tuple(record["towards_m"]), record["speed_mps"])

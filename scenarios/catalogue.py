@@ -1,0 +1,42 @@
+"""What there is to predict, to study and to reproduce, by the names users call it.
+
+Modules are named, not imported: nobody who runs a scenario waits for SciPy and matplotlib.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Any
+
+from emulator.errors import UserError
+
+PREDICTIONS = {
+    "association": "scenarios.association.predictions:ASSOCIATION",
+    "association-mobile": "scenarios.association.predictions:ASSOCIATION_MOBILE",
+}
+STUDIES = {
+    "association": "scenarios.association.study_stationary:STUDY",
+    "association-mobile": "scenarios.association.study_mobile:STUDY",
+    "association-noisy": "scenarios.association.study_noisy:STUDY",
+}
+PAPERS = {
+    "ivanov-shell-2014": "scenarios.association.paper_2014:PAPER",
+    "ivanov-shell-2016": "scenarios.association.paper_2016:PAPER",
+}
+
+
+def find(kind: str, listed: dict[str, str], name: str) -> Any:
+    """The thing of this name. Raises UserError where there is none, or a package it needs is missing."""
+    if name not in listed:
+        near = get_close_matches(name, listed, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(listed))}"
+        raise UserError(f"{name}: there is no {kind} of this name, {hint}")
+    module, _, attribute = listed[name].partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in ("matplotlib", "scipy"):
+            raise
+        raise UserError(f"{name}: needs {package}; install heliograph[desk,figures]") from None

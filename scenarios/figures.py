@@ -1,0 +1,213 @@
+"""Figures of papers, drawn anew: studies become a table, and the table alone becomes a picture.
+
+Every number in a picture therefore stands in its CSV file, with its standard error where it has one.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+import matplotlib as mpl
+import msgspec
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+from msgspec import Struct
+from tqdm import tqdm
+
+from emulator.errors import UserError
+from scenarios.study import Study, Workers, run_study
+
+Cell = float | int | str | None
+
+STYLE: dict[Any, Any] = {
+    **mpl.rcParamsDefault,
+    "backend": "agg",
+    "figure.dpi": 100,
+    "savefig.dpi": 160,
+    "font.size": 10,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "svg.hashsalt": "heliograph",  # element ids are drawn at random without one
+}
+
+
+class Table(Struct, frozen=True):
+    """What is plotted: rows of numbers under named columns."""
+
+    columns: tuple[str, ...]
+    rows: Sequence[tuple[Cell, ...]]
+
+    def where(self, **values: Cell) -> Table:
+        """The rows whose columns have these values."""
+        places = [(self.columns.index(name), value) for name, value in values.items()]
+        rows = [row for row in self.rows if all(row[place] == value for place, value in places)]
+        return Table(self.columns, rows)
+
+    def column(self, name: str) -> list[Any]:
+        """One column, from top to bottom."""
+        place = self.columns.index(name)
+        return [row[place] for row in self.rows]
+
+
+class Run(Struct, frozen=True):
+    """A study that a figure needs."""
+
+    study: Study
+    parameters: Struct
+    samples: int
+    """Unless the user says."""
+    limited: bool = False
+    """Costly ones: never more than `samples`, whatever the user says."""
+
+
+class Figure(Struct, frozen=True):
+    """One figure of a paper."""
+
+    title: str
+    runs: Callable[[], list[Run]]
+    tabulate: Callable[[list[dict[str, Any]]], Table]
+    """The table, from the results of the runs in their order."""
+    draw: Callable[[Table, Canvas], None]
+
+
+class Paper(Struct, frozen=True):
+    """A paper and the figures of it that can be drawn."""
+
+    name: str
+    title: str
+    figures: dict[int, Figure]
+
+
+class Work:
+    """Does the runs of figures, each once, however many figures need it."""
+
+    def __init__(self, *, samples: int | None = None, seed: int = 1, jobs: int | None = None) -> None:
+        self._samples = samples
+        self._seed = seed
+        self.workers = Workers(jobs)
+        self._results: dict[bytes, dict[str, Any]] = {}
+
+    def result(self, run: Run, on_progress: Callable[[float], None]) -> dict[str, Any]:
+        """The result of one run; `on_progress` is told which part of it is done, from 0 to 1."""
+        samples = self._samples_of(run)
+        key = self.key(run)
+        if key not in self._results:
+            self._results[key] = run_study(
+                run.study, run.parameters, samples=samples, seed=self._seed, workers=self.workers,
+                on_progress=lambda done: on_progress(done / samples),
+            )  # fmt: skip
+        return self._results[key]
+
+    def key(self, run: Run) -> bytes:
+        """The same for runs that give the same result."""
+        return msgspec.json.encode((run.study.name, run.parameters, self._samples_of(run)))
+
+    def _samples_of(self, run: Run) -> int:
+        if self._samples is None:
+            return run.samples
+        return min(run.samples, self._samples) if run.limited else self._samples
+
+
+def reproduce(
+    paper: Paper,
+    numbers: Sequence[int] | None,
+    folder: Path,
+    work: Work,
+    *,
+    force: bool = False,
+    show: bool = False,
+) -> list[Path]:
+    """Draw figures of a paper (None: all) into `folder`, each as PNG, SVG and CSV; returns the files.
+
+    `show`: a progress bar on the terminal. Raises UserError for a figure that the paper has not, or
+    files that exist and are not to be overwritten.
+    """
+    chosen = _chosen(paper, numbers)
+    _refuse_to_overwrite(folder, chosen, force)
+    runs = {number: paper.figures[number].runs() for number in chosen}
+    total = len({work.key(run) for listed in runs.values() for run in listed})
+    files: list[Path] = []
+    with work.workers, _progress(total, show) as bar:
+        for number in chosen:
+            results = [bar.watch(number, work, run) for run in runs[number]]
+            table = paper.figures[number].tabulate(results)
+            files += _write(paper, number, table, folder)
+    return files
+
+
+def drawn(figure: Figure, table: Table) -> Canvas:
+    """The picture of a table."""
+    with mpl.rc_context(STYLE):
+        canvas = Canvas(figsize=(7.0, 4.6), layout="constrained")
+        FigureCanvasAgg(canvas)
+        figure.draw(table, canvas)
+    return canvas
+
+
+def _chosen(paper: Paper, numbers: Sequence[int] | None) -> list[int]:
+    for number in numbers or ():
+        if number not in paper.figures:
+            known = ", ".join(map(str, sorted(paper.figures)))
+            raise UserError(f"--figure {number}: {paper.name} can be drawn in its figures {known}")
+    return sorted(set(numbers or paper.figures))
+
+
+def _files(folder: Path, number: int) -> dict[str, Path]:
+    return {kind: folder / f"figure-{number:02d}.{kind}" for kind in ("png", "svg", "csv")}
+
+
+def _refuse_to_overwrite(folder: Path, numbers: Iterable[int], force: bool) -> None:
+    for number in numbers:
+        for path in _files(folder, number).values():
+            if path.exists() and not force:
+                raise UserError(f"{path} exists; choose another --out or say --force")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot be made ({error.strerror}); choose another folder") from None
+
+
+def _write(paper: Paper, number: int, table: Table, folder: Path) -> list[Path]:
+    figure = paper.figures[number]
+    files = _files(folder, number)
+    title = f"{paper.title}, Fig. {number}: {figure.title}"
+    with files["csv"].open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table.columns)
+        writer.writerows(table.rows)
+    canvas = drawn(figure, table)
+    with mpl.rc_context(STYLE):
+        canvas.savefig(files["png"], metadata={"Title": title, "Software": "Heliograph"})
+        canvas.savefig(files["svg"], metadata={"Title": title, "Creator": "Heliograph", "Date": None})
+    return list(files.values())
+
+
+class _Bar:
+    """Progress over all runs of a command."""
+
+    def __init__(self, bar: tqdm[NoReturn]) -> None:
+        self._bar = bar
+        self._finished: set[bytes] = set()
+
+    def watch(self, number: int, work: Work, run: Run) -> dict[str, Any]:
+        self._bar.set_postfix_str(f"figure {number}", refresh=False)
+        done = len(self._finished)
+        result = work.result(run, lambda part: self._set(done + part))
+        self._finished.add(work.key(run))
+        self._set(len(self._finished))
+        return result
+
+    def _set(self, done: float) -> None:
+        self._bar.update(done - self._bar.n)
+
+
+@contextmanager
+def _progress(total: int, show: bool) -> Iterator[_Bar]:
+    layout = "{percentage:3.0f}%|{bar}| {postfix} [{elapsed}<{remaining}]"
+    bar: tqdm[NoReturn] = tqdm(total=total, bar_format=layout, leave=False, disable=not (show and total))
+    with bar:
+        yield _Bar(bar)
