@@ -13,9 +13,11 @@ from typing import Any, NoReturn
 
 import matplotlib as mpl
 import msgspec
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from msgspec import Struct
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from emulator.errors import UserError
@@ -51,6 +53,10 @@ class Table(Struct, frozen=True):
         """One column, from top to bottom."""
         place = self.columns.index(name)
         return [row[place] for row in self.rows]
+
+    def numbers(self, name: str) -> NDArray[np.float64]:
+        """One column to be drawn; NaN where there is no number."""
+        return np.array([np.nan if cell is None else cell for cell in self.column(name)], dtype=np.float64)
 
 
 class Run(Struct, frozen=True):

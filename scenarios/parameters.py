@@ -75,8 +75,8 @@ def _schema(struct: type[Struct]) -> inspect.Type:
 
 def _default(value: Any) -> str:
     if value is NODEFAULT:
-        return "(needed)"
-    return "as another" if value is None else shown(value)
+        return "needed"
+    return "not set" if value is None else shown(value)
 
 
 def _description(schema: inspect.Type) -> str:

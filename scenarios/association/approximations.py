@@ -39,7 +39,7 @@ def fits(wireless: int, visual: int) -> dict[str, float]:
 def naive_cost(possible_ids: int, ids_in_use: Collection[int] | None = None) -> dict[str, int]:
     """Steps and messages of the naive algorithm (2014, Alg. 1): one step per id that there could be.
 
-    `ids_in_use` None: all of 0 ... n-1. Returns `steps` (n), `messages` (one per robot), `messages_bound` (n).
+    `ids_in_use` None: all of 0 ... n-1. Returns `steps` (n), `messages` (one a robot), `messages_bound` (n).
     Raises ValueError for an id out of range.
     """
     used = _ids(possible_ids, ids_in_use)
@@ -50,8 +50,7 @@ def logarithmic_cost(possible_ids: int, ids_in_use: Collection[int] | None = Non
     """Steps and messages of the logarithmic algorithm (2014, Alg. 2): one step per bit of the ids 0 ... n-1.
 
     Returns `steps` (ceil(log2 n)), `messages` (all ones in the ids in use; id 0 never flashes) and
-    `messages_bound` (n log2(n) / 2, as in the paper, which ids 0 ... n-1 reach where n is a power of 2).
-    Other sets of ids may exceed it: see `test_association_theory`.
+    `messages_bound` (n log2(n) / 2, as in the paper; ids 0 ... n-1 reach it where n is a power of 2).
     """
     used = _ids(possible_ids, ids_in_use)
     return {

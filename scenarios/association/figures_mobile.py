@@ -10,7 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from msgspec import Struct
 
 from scenarios.association.emulated import EMULATED
@@ -24,6 +26,8 @@ EMULATED_RUNS = 3
 STEPS_SHOWN = 80
 
 FRACTION_MATCHED, RATIO = "fraction_matched", "ratio"
+SMALL_WORLD = {"simulated small world": "s", "emulated small world": "D"}
+"""Kinds of rows, and their markers."""
 LABELS = {FRACTION_MATCHED: "fraction matched", RATIO: "ratio of total to true edges"}
 
 
@@ -37,6 +41,7 @@ class Sweep(Struct, frozen=True):
     emulated: float
     small_world: float
     """Side of the emulator's world, in diameters."""
+    worlds: int = WORLDS
 
     def parameters(self, value: float) -> MobileParameters:
         """The default world but for this value."""
@@ -49,7 +54,8 @@ class Sweep(Struct, frozen=True):
 
 
 MIX = Sweep("mobile_fraction", "part of the robots that is mobile",
-            {0.1: "10 %", 0.5: "50 %", 0.9: "90 %"}, emulated=0.5, small_world=48.0)  # fmt: skip
+            {0.1: "10 %", 0.5: "50 %", 0.9: "90 %"}, emulated=0.5, small_world=48.0,
+            worlds=4)  # fmt: skip
 RANGE = Sweep("range", "range [diameters]", {10.0: "10", 16.0: "16", 22.0: "22"}, emulated=10.0,
               small_world=64.0)  # fmt: skip
 # The text's separations; its numbers of robots in range (14, 27, 74) belong to other ones.
@@ -68,12 +74,17 @@ def over_time(sweep: Sweep, metric: str) -> Figure:
     return Figure(title, _runs(sweep), _tabulate(sweep, metric), _draw(sweep, metric))
 
 
+def small_world(sweep: Sweep) -> list[Run]:
+    """The small world simulated, and on the emulator."""
+    small = sweep.small()
+    return [Run(SERIES, small, SMALL_WORLDS), Run(EMULATED, small, EMULATED_RUNS, limited=True)]
+
+
 def _runs(sweep: Sweep) -> Callable[[], list[Run]]:
     def runs() -> list[Run]:
         return [
-            *(Run(SERIES, sweep.parameters(value), WORLDS) for value in sweep.values),
-            Run(SERIES, sweep.small(), SMALL_WORLDS),
-            Run(EMULATED, sweep.small(), EMULATED_RUNS, limited=True),
+            *(Run(SERIES, sweep.parameters(value), sweep.worlds) for value in sweep.values),
+            *small_world(sweep),
         ]
 
     return runs
@@ -111,29 +122,32 @@ def _draw(sweep: Sweep, metric: str) -> Callable[[Table, Canvas], None]:
         axes = canvas.subplots()
         for number, (value, name) in enumerate(sweep.values.items()):
             part = table.where(kind="simulated", **{sweep.key: value})
-            axes.plot(part.column("step"), part.column(metric), color=f"C{number}", label=name)
+            axes.plot(part.column("step"), part.numbers(metric), color=f"C{number}", label=name)
             if value == sweep.emulated:
-                _draw_small_world(axes, table, metric, f"C{number}")
+                draw_small_world(axes, table, metric, (STEPS_SHOWN + 2, STEPS_SHOWN + 5), f"C{number}")
         axes.set(xlabel="step", ylabel=LABELS[metric], xlim=(0, STEPS_SHOWN + 8))
+        if metric == RATIO:  # it starts at a quarter of the robots in range
+            axes.set_yscale("log")
+            axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.yaxis.set_minor_formatter(NullFormatter())
         axes.legend(title=sweep.label, fontsize=8)
 
     return draw
 
 
-def _draw_small_world(axes: Any, table: Table, metric: str, colour: str) -> None:
-    """The emulator's robots and the simulation of the same world, each with four standard errors."""
-    kinds = {"simulated small world": ("s", 2.0), "emulated small world": ("D", 5.0)}
-    for kind, (marker, place) in kinds.items():
+def draw_small_world(axes: Axes, table: Table, metric: str, places: Sequence[float], colour: str) -> None:
+    """The small world, simulated and on the emulator, at two places; bars of four standard errors."""
+    for (kind, marker), place in zip(SMALL_WORLD.items(), places, strict=True):
         part = table.where(kind=kind)
-        errors = [4 * (error or 0.0) for error in part.column("se")]
         axes.errorbar(
-            [STEPS_SHOWN + place],
-            part.column(metric),
-            yerr=errors,
+            [place],
+            part.numbers(metric),
+            yerr=4 * part.numbers("se"),
             fmt=marker,
             color=colour,
             markerfacecolor="white",
             markersize=5,
             capsize=2,
-            label=f"{kind}, all observers",
+            label=f"{kind}, 4 standard errors",
         )

@@ -134,10 +134,10 @@ def _draw_examples(table: Table, canvas: Canvas) -> None:
     for axes, (wireless, visual) in zip(_flat(canvas.subplots(2, 2)), EXAMPLES, strict=True):
         part = table.where(wireless=wireless, visual=visual)
         steps = part.column("step")
-        axes.bar(steps, part.column("fraction_of_runs"), color="0.75", label="simulated")
-        axes.plot(steps, part.column("exact_probability"), "k.", markersize=4, label="exact")
-        axes.axvline(part.column("mean")[0], color="tab:blue", label="mean")
-        axes.axvline(part.column("branching_process")[0], color="tab:red", label="branching process")
+        axes.bar(steps, part.numbers("fraction_of_runs"), color="0.75", label="simulated")
+        axes.plot(steps, part.numbers("exact_probability"), "k.", markersize=4, label="exact")
+        axes.axvline(part.numbers("mean")[0], color="tab:blue", label="mean")
+        axes.axvline(part.numbers("branching_process")[0], color="tab:red", label="branching process")
         axes.set(title=f"w = {wireless}, v = {visual}", xlabel="steps to completion", ylabel="probability")
         axes.set_xlim(0, _last(steps, part.column("exact_probability")))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -156,11 +156,11 @@ def _last(steps: Sequence[int], probabilities: Sequence[float]) -> int:
 def _draw_against_branching_process(table: Table, canvas: Canvas) -> None:
     axes = canvas.subplots()
     visual = table.column("visual")
-    axes.errorbar(visual, table.column("mean"), yerr=table.column("sd"), fmt="o", markersize=4, capsize=3,
+    axes.errorbar(visual, table.numbers("mean"), yerr=table.numbers("sd"), fmt="o", markersize=4, capsize=3,
                   label="simulated, mean and one standard deviation")  # fmt: skip
-    axes.plot(visual, table.column("exact_mean"), "k-", linewidth=1, label="exact mean")
+    axes.plot(visual, table.numbers("exact_mean"), "k-", linewidth=1, label="exact mean")
     axes.plot(
-        visual, table.column("branching_process"), "--", color="tab:red", label="branching process (Eq. 1)"
+        visual, table.numbers("branching_process"), "--", color="tab:red", label="branching process (Eq. 1)"
     )
     axes.set(xlabel="visual ids v", ylabel="steps to completion", ylim=(0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -191,10 +191,10 @@ def _draw_fractions(table: Table, canvas: Canvas) -> None:
     for number, wireless in enumerate(SIZES):
         part = table.where(wireless=wireless)
         colour = f"C{number}"
-        axes.errorbar(part.column("step"), part.column("fraction_matched"), yerr=part.column("se"), fmt="o",
+        axes.errorbar(part.column("step"), part.numbers("fraction_matched"), yerr=part.numbers("se"), fmt="o",
                       markersize=4, color=colour, label=f"w = {wireless}")  # fmt: skip
-        axes.plot(part.column("step"), part.column("exact"), "-", linewidth=1, color=colour)
-        axes.plot(part.column("step"), part.column("model"), "--", linewidth=1, color=colour)
+        axes.plot(part.column("step"), part.numbers("exact"), "-", linewidth=1, color=colour)
+        axes.plot(part.column("step"), part.numbers("model"), "--", linewidth=1, color=colour)
     axes.set(xlabel="step", ylabel="fraction matched", xlim=(0, 15),
              title="dots: simulated; lines: exact; dashed: model (Eqs. 2, 3)")  # fmt: skip
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -1,25 +1,24 @@
 """The i-state transition graph and the absorbing Markov chain of channel association.
 
-Ivanov & Shell 2014, "I-State Transition Graph" and Eq. 1; 2016, sec. 3.2 and 4.3.1. Too expensive for all but the smallest
-neighbourhoods, as the papers say: here it is a check of `theory`, built from observations alone.
+Ivanov & Shell 2014, "I-State Transition Graph" and Eq. 1; 2016, sec. 3.2 and 4.3.1. Too expensive for all but
+the smallest neighbourhoods, as the papers say: here it is a check of `theory`, built from observations alone.
 
-Two chains: one state per i-state matrix, as in the papers, and one per multiset of blocks, which is all
-that matters for the completion time. A block is a connected part of the i-state: u invisible and v visible ids.
+Two chains: one state per i-state matrix, as in the papers, and one per multiset of blocks, which is all that
+matters for the completion time. A block is a connected part of the i-state: u invisible and v visible ids.
 
-How many i-states there are. The papers say Bell's number B_w, the number of partitions of w ids. That holds for
-v >= w - 1 only. With two or more invisible ids, partitions that differ only in blocks without visible ids have the
-same matrix; then there are sum_k S(v, k) (k+1)^(w-v) (S: Stirling numbers of the second kind; each invisible id
-joins one of k blocks or none), e.g. 2^(w-1) for v = 1.
+How many i-states there are: the papers say Bell's number B_w, the number of partitions of w ids. That holds
+for v >= w - 1 only. With two or more invisible ids, partitions that differ only in blocks without visible ids
+have the same matrix; then there are sum_k S(v, k) (k+1)^(w-v) (S: Stirling numbers of the second kind; each
+invisible id joins one of k blocks or none), e.g. 2^(w-1) for v = 1.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache
 from itertools import product
 from typing import Generic, TypeVar
 
@@ -31,7 +30,7 @@ from scenarios.association.theory import check_neighbourhood
 Number = Fraction | float
 """Probabilities: fractions give exact results."""
 IState = tuple[int, ...]
-"""For each visual id the wireless ids it is joined to, as the bits of an integer; visual id s belongs to wireless id s."""
+"""For each visual id the wireless ids it is joined to, as bits; visual id s belongs to wireless id s."""
 Blocks = tuple[tuple[int, int], ...]
 """Blocks (u, v) that hold ambiguity, in order: with a visible id, and more than one id."""
 State = TypeVar("State", IState, Blocks)
@@ -59,7 +58,7 @@ class AbsorbingChain(Generic[State]):
     def expected_steps(self) -> list[Number]:
         """Mean steps to the final state from every state: t = (I - Q)^-1 1 (2014, Eq. 1).
 
-        Q is triangular, so substitution from the last row on solves it; exactly, if the chain is in fractions.
+        Q is triangular, so substitution from the last row on solves it, and exactly for fractions.
         """
         last = len(self.rows) - 1
         steps: list[Number] = [Fraction(0)] * (last + 1)
@@ -179,7 +178,7 @@ def lumped_chain(
 
 
 def number_of_istates(wireless: int, visual: int) -> int:
-    """How many different i-state matrices there are: sum_k S(v, k) (k+1)^(w-v); Bell's number for v >= w - 1."""
+    """How many different i-state matrices there are; Bell's number for v >= w - 1 only."""
     check_neighbourhood(wireless, visual, 0.5, 1)
     return sum(_stirling(visual, k) * (k + 1) ** (wireless - visual) for k in range(visual + 1))
 
@@ -189,7 +188,7 @@ def bell_number(ids: int) -> int:
     return sum(_stirling(ids, k) for k in range(ids + 1))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _stirling(ids: int, blocks: int) -> int:
     if ids == blocks:
         return 1
@@ -243,18 +242,15 @@ def _together(one: Mapping[Blocks, Number], other: Mapping[Blocks, Number]) -> d
 def _splits(block: tuple[int, int], p: Number, colours: int) -> dict[Blocks, Number]:
     """Into what one block falls in a step: symbol after symbol takes a binomial share of the ids left."""
     open_: dict[tuple[Blocks, int, int], Number] = {((), *block): Fraction(1)}
-    for symbols_left in range(colours, 0, -1):
-        # what a transmitting symbol takes of those that did not emit an earlier one
-        share = p / colours / (1 - p + p * Fraction(symbols_left, colours))
-        following: Counter[tuple[Blocks, int, int]] = Counter()
-        for (done, u, v), chance in open_.items():
-            for a, b in product(range(u + 1), range(v + 1)):
-                ways = math.comb(u, a) * math.comb(v, b)
+    for symbols_left in range(colours, -1, -1):
+        # of ids that emitted no symbol yet; all that remain at the end are silent
+        share = p / colours / (1 - p + p * Fraction(symbols_left, colours)) if symbols_left else Fraction(1)
+        following: dict[tuple[Blocks, int, int], Number] = {}
+        for ((done, u, v), chance), a, b in product(open_.items(), range(block[0] + 1), range(block[1] + 1)):
+            ways = math.comb(u, a) * math.comb(v, b)
+            if ways and (symbols_left or (a, b) == (u, v)):
                 taken = ways * share ** (a + b) * (1 - share) ** (u + v - a - b)
-                following[tuple(sorted(done + _ambiguous([(a, b)]))), u - a, v - b] += chance * taken  # type: ignore[assignment]
-        open_ = dict(following)
-    result: dict[Blocks, Number] = {}
-    for (done, u, v), chance in open_.items():
-        key = tuple(sorted(done + _ambiguous([(u, v)])))
-        result[key] = result.get(key, Fraction(0)) + chance
-    return result
+                key = tuple(sorted(done + _ambiguous([(a, b)]))), u - a, v - b
+                following[key] = following.get(key, Fraction(0)) + chance * taken
+        open_ = following
+    return {done: chance for (done, _, _), chance in open_.items()}

@@ -1,13 +1,14 @@
 """Sharing out ids over two sets of symbols: one step of the recursion in `theory`.
 
 A `Chances` holds, for every number of invisible and of visible ids, the probability that those ids are told
-apart (`done`) and that they are not (`undone`). Both are kept, each computed without subtraction, so that both
-have full relative precision however small they are.
+apart (`done`) and that they are not (`undone`). Both are kept, and the smaller one is never computed by
+subtraction.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -17,7 +18,7 @@ from scipy.stats import binom
 Floats = NDArray[np.float64]
 
 NEGLIGIBLE_MASS = 1e-30
-"""Of the binomial number of ids that get the rarer symbols; far below the smallest survival asked for (1e-16)."""
+"""Of the binomial number of ids in the rarer group; far below the smallest survival of interest (1e-16)."""
 
 
 @dataclass(frozen=True)
@@ -48,18 +49,11 @@ def mix(first: Chances, second: Chances, share: float) -> Chances:
     if rows < columns:  # the loop of `_convolve` runs over columns: let there be few
         turned = mix(_transposed(first), _transposed(second), share)
         return _transposed(turned)
-    row_first, row_second, row_sum = _weights(rows, share)
-    column_first, column_second, column_sum = _weights(columns, share)
-    common = np.stack([second.done, second.undone]) * (row_second[:, None] * column_second)
-    common = _convolve(first.done * (row_first[:, None] * column_first), common) / (
-        row_sum[:, None] * column_sum
-    )
-    done = common[0]
-    undone = common[1] + (
-        _binomials(row_first, row_second, row_sum)
-        @ first.undone
-        @ _binomials(column_first, column_second, column_sum).T
-    )
+    row, column = _weights(rows, share), _weights(columns, share)
+    common = np.stack([second.done, second.undone]) * (row.second[:, None] * column.second)
+    common = _convolve(first.done * (row.first[:, None] * column.first), common)
+    done, undone = common / (row.total[:, None] * column.total)
+    undone += row.binomials @ first.undone @ column.binomials.T
     return Chances(np.where(undone < 0.5, 1.0 - undone, done), np.where(done < 0.5, 1.0 - done, undone))
 
 
@@ -77,28 +71,36 @@ def _transposed(chances: Chances) -> Chances:
     return Chances(chances.done.T, chances.undone.T)
 
 
-def _weights(ids: int, share: float) -> tuple[Floats, Floats, Floats]:
-    """Weights whose products are binomial ones: Bin(a; n, share) = first[a] * second[n-a] / total[n].
+@dataclass(frozen=True)
+class _Weights:
+    """Weights whose products are binomial ones: Bin(a; n, share) = first[a] * second[n-a] / total[n]."""
 
-    They are Poisson probabilities, which neither under- nor overflow where it matters. The first are cut off
-    where the rest is negligible. The total is summed up rather than taken from the formula: then all that
-    is rounded away cancels where all chances are one, and errors do not double with every step.
+    first: Floats
+    second: Floats
+    total: Floats
+    binomials: Floats
+    """Matrix [n, a] of Bin(a; n, share)."""
+
+
+@lru_cache(maxsize=64)
+def _weights(ids: int, share: float) -> _Weights:
+    """Poisson probabilities, which neither under- nor overflow where it matters.
+
+    The first are cut off where the rest is negligible. The total is summed up rather than taken from the
+    formula: then all that is rounded away cancels where all chances are one, and errors do not double with
+    every step.
     """
     kept = int(np.count_nonzero(binom.sf(np.arange(ids), ids, share) > NEGLIGIBLE_MASS))
     first = np.where(np.arange(ids + 1) <= kept, _poisson(ids, share * ids), 0.0)
     second = _poisson(ids, (1.0 - share) * ids)
-    return first, second, np.convolve(first[: kept + 1], second)[: ids + 1]
+    total = np.convolve(first[: kept + 1], second)[: ids + 1]
+    return _Weights(first, second, total, _toeplitz(second) * first / total[:, None])
 
 
 def _poisson(ids: int, mean: float) -> Floats:
     """Probabilities of 0 ... ids, by their ratios: more precise than by logarithms of factorials."""
     ratios = np.concatenate([[np.exp(-mean)], mean / np.arange(1.0, ids + 1)])
     return np.asarray(np.cumprod(ratios))
-
-
-def _binomials(first: Floats, second: Floats, total: Floats) -> Floats:
-    """Matrix [n, a] of Bin(a; n, share)."""
-    return _toeplitz(second) * first / total[:, None]
 
 
 def _toeplitz(values: Floats) -> Floats:

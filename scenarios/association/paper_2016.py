@@ -11,6 +11,7 @@ from scenarios.association.figures_mobile import (
     SPEED,
     over_time,
 )
+from scenarios.association.figures_models import BY_RANGE, BY_SEPARATION, BY_SPEED, steady_state
 from scenarios.association.figures_stationary import (
     against_branching_process,
     all_neighbourhoods,
@@ -36,5 +37,11 @@ PAPER = Paper(
         15: over_time(SEPARATION, RATIO),
         16: over_time(SPEED, FRACTION_MATCHED),
         17: over_time(SPEED, RATIO),
+        20: steady_state(BY_RANGE, FRACTION_MATCHED),
+        21: steady_state(BY_SEPARATION, FRACTION_MATCHED),
+        22: steady_state(BY_SPEED, FRACTION_MATCHED),
+        23: steady_state(BY_RANGE, RATIO),
+        24: steady_state(BY_SEPARATION, RATIO),
+        25: steady_state(BY_SPEED, RATIO),
     },
 )
