@@ -10,6 +10,7 @@ from tests.bench.bare import measure_bare
 from tests.bench.floor import Sizes, measure_floor
 from tests.bench.measure import Figures, SampleFailed, in_fresh_process, measure_speed
 from tests.bench.product import measure_product, measure_sizes, measure_startup, sizes_of
+from tests.bench.studies import measure_studies
 
 TEAMS = (10, 30, 100)
 LARGE_TEAM = 300
@@ -26,6 +27,7 @@ class Cell:
         return f"{self.kind}, {self.robots} robots"
 
 
+STUDIES = Cell("studies", 20)
 SPEED = Cell("speed", 1)
 """Measured in every round, whatever else is: runs on different days are compared by it."""
 
@@ -56,6 +58,7 @@ NEEDS: dict[str, list[Cell]] = {
     "startup": [Cell("startup", 100)],
     "recording": [Cell("product", 30), Cell("product", 100)],
     "scaling": [Cell("product", 30), Cell("product", LARGE_TEAM)],
+    "studies": [STUDIES],
     "switches": [Cell("product", 30), Cell("floor", 30), Cell("bare", 30)],
 }
 """Cells by table."""
@@ -144,6 +147,8 @@ class Bench:
                 return in_fresh_process(measure_floor, robots, dense, turns, effort.floor_activations)
             case "startup":
                 return in_fresh_process(measure_startup, robots)
+            case "studies":
+                return in_fresh_process(measure_studies)
             case "speed":
                 return in_fresh_process(measure_speed)
         raise ValueError(f"no cell is called {cell.kind}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from statistics import median
 
-from tests.bench.plan import LARGE_TEAM, TEAMS, Cell, Samples
+from tests.bench.plan import LARGE_TEAM, STUDIES, TEAMS, Cell, Samples
 
 AIMS_OF_RATIO = {30: "<= 3", 100: "<= 4"}
 """Product over floor, by size of team."""
@@ -143,6 +143,21 @@ def switches_table(samples: Samples) -> str:
     return _table("Context switches per activation, 30 robots, all due", head, rows)
 
 
+def studies_table(samples: Samples) -> str:
+    """Samples of studies, vectorised, beside the classes that robots run."""
+    rows = []
+    for label, name in (
+        ("stationary: a neighbourhood of 20 and 10 ids, until done", "stationary"),
+        ("mobile: an observer's step at the defaults", "mobile"),
+        ("noisy: a step of 20 and 10 ids (class: with posteriors)", "noisy"),
+    ):
+        costs = [spread(samples.values(STUDIES, f"{name}{kind}_us"), 2) for kind in ("_class", "")]
+        ratio = spread(samples.ratios(STUDIES, f"{name}_class_us", STUDIES, f"{name}_us"), 0)
+        rows.append([label, *costs, ratio])
+    head = ["", "i-state class, CPU us", "study, CPU us", "ratio"]
+    return _table("Association: Monte Carlo studies beside the i-state classes", head, rows)
+
+
 def spread(values: Sequence[float], digits: int = 1) -> str:
     """Median, and range where there is one."""
     if not values:
@@ -167,4 +182,5 @@ TABLES: dict[str, Callable[[Samples], str]] = {
     "recording": recording_table,
     "scaling": scaling_table,
     "switches": switches_table,
+    "studies": studies_table,
 }
