@@ -6,7 +6,6 @@ both, so that figures can show what the emulator's robots do beside what the sim
 
 from __future__ import annotations
 
-import math
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +21,7 @@ from scenarios.association.mobile_world import robots_in
 from scenarios.association.score_mobile import score
 from scenarios.association.study_mobile import MobileParameters
 from scenarios.association.study_mobile import check as check_simulated
-from scenarios.study import Study
+from scenarios.study import Study, mean_and_error
 
 SCENARIO = "association-mobile"
 STEP_S = 0.5
@@ -54,8 +53,8 @@ def simulate(
 def summarise(_parameters: MobileParameters, partials: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
     """`fraction_matched` and `ratio` of all observers in the steady state, `mean` and `se` each.
 
-    The standard error treats observers as independent: each drives a way of its own through the world.
-    Besides: `samples` (runs), `observers` (in all of them).
+    The standard error comes from the runs' means, since observers of one world meet the same robots; None for a
+    single run. Besides: `samples` (runs), `observers` (in all of them).
     """
     scores = [score for partial in partials for score in partial]
     return {
@@ -93,21 +92,19 @@ def _score(parameters: MobileParameters, seed: int) -> dict[str, Any]:
 
 
 def _mean(scores: Sequence[dict[str, Any]], metric: str) -> dict[str, float | None]:
-    each = [score["all"][metric] for score in scores if score["all"][metric]["mean"] is not None]
-    if not each:
+    means = [score["all"][metric]["mean"] for score in scores]
+    defined = [mean for mean in means if mean is not None]
+    if not defined:
         return {"mean": None, "se": None}
-    errors = [one["se"] for one in each]
-    return {
-        "mean": math.fsum(one["mean"] for one in each) / len(each),
-        "se": None if None in errors else math.sqrt(math.fsum(error**2 for error in errors)) / len(each),
-    }
+    mean, error = mean_and_error(defined)
+    return {"mean": mean, "se": error if len(defined) > 1 else None}
 
 
 EMULATED = Study(
     name="association-mobile-emulated",
     title="Mobile association by robot processes on the emulator",
     parameters=MobileParameters,
-    samples=3,
+    samples=8,
     unit="runs",
     chunk=one,
     simulate=simulate,

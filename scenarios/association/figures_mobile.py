@@ -22,8 +22,9 @@ from scenarios.figures import Cell, Figure, Run, Table
 WORLDS = 10
 """Independent worlds a point."""
 SMALL_WORLDS = 200
-EMULATED_RUNS = 3
-STEPS_SHOWN = 80
+EMULATED_RUNS = 8
+EMULATED_STEPS = 50
+STEPS_SHOWN = 60
 
 FRACTION_MATCHED, RATIO = "fraction_matched", "ratio"
 SMALL_WORLD = {"simulated small world": "s", "emulated small world": "D"}
@@ -50,7 +51,9 @@ class Sweep(Struct, frozen=True):
 
     def small(self) -> MobileParameters:
         """The emulator's world."""
-        return msgspec.structs.replace(self.parameters(self.emulated), world=self.small_world)
+        return msgspec.structs.replace(
+            self.parameters(self.emulated), world=self.small_world, steps=EMULATED_STEPS
+        )
 
 
 MIX = Sweep("mobile_fraction", "part of the robots that is mobile",
