@@ -45,7 +45,7 @@ def _messages(outcome: Outcome) -> str:
 
 
 def _flat(score: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """A row for every value; a table's plain values share one, and what is nested in it gets rows of its own."""
+    """A row for every value; a table's plain values share one, what is nested in it gets rows of its own."""
     rows: dict[str, str] = {}
     for key, value in score.items():
         name = f"{prefix}{key}"

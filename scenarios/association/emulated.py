@@ -53,8 +53,8 @@ def simulate(
 def summarise(_parameters: MobileParameters, partials: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
     """`fraction_matched` and `ratio` of all observers in the steady state, `mean` and `se` each.
 
-    The standard error comes from the runs' means, since observers of one world meet the same robots; None for a
-    single run. Besides: `samples` (runs), `observers` (in all of them).
+    The standard error comes from the runs' means, since observers of one world meet the same robots; None
+    for a single run. Besides: `samples` (runs), `observers` (in all of them).
     """
     scores = [score for partial in partials for score in partial]
     return {

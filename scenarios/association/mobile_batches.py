@@ -11,15 +11,14 @@ Observer and geometry as in `mobile_models`; p = 1/2, equal ranges. What the pap
 - *The others that an id meets* are its batch, and big batches have more ids: E[v(v-1)]/E[v], not E[v]-1.
 - *A false edge* of a batch listed a steps ago is left with probability 2^-a, also where its wireless id has
   left the range and only stays in the list. Robot j is matched with probability
-  prod_{c != j} (1 - 2^-a pi_c).
+  prod_{c != j} (1 - 2^-a pi_c); and edges to robots out of range, which are silent, go together.
 - *The mean of quotients* (over observers) differs from the quotient of means. By the delta method,
   E[X/L] = E[X]/E[L] (1 + Var[L]/E[L]^2 - Cov[X,L]/(E[X]E[L])), L the visual ids in the list.
 - *Mobile robots among the others* (sec. 6.2) are independent of all, and cross the range at their speed
   relative to the observer, which is 4/pi times its own on average: more of them are new in a step.
 
 Sums over cells are averaged over direction and phase of the grid, by a quadrature: points of the disc, on
-lines along the motion, weighted with their area. Neglected: that two false edges of one id to robots out of
-range depend on each other; ids that come again; walls.
+lines along the motion, weighted with their area. Neglected: ids that come again, walls.
 """
 
 from __future__ import annotations
@@ -37,9 +36,9 @@ Floats = NDArray[np.float64]
 
 OLDEST_BATCH = 26
 """Steps after which all is taken for matched: false edges are left with 2^-26."""
-GRIDS = 16
-"""Directions and phases of the grid that are averaged over; the results vary by some 1e-5 with them."""
-_GRID_POINTS = 24
+GRIDS = 8
+"""Directions and phases of the grid that are averaged over; the results vary by less than 1e-4 with them."""
+_GRID_POINTS = 16
 """Points per separation; fewer where the range spans so many robots that it does not matter."""
 
 
@@ -69,24 +68,31 @@ class BatchModel:
 
 @dataclass(frozen=True)
 class _Grid:
-    """One direction and phase. Rows: batches, by how long ago they were listed; columns: cells."""
+    """One direction and phase of the grid; arrays are by cell."""
 
-    listed: Floats
-    """pi: probability that the cell's robot was listed in that batch."""
-    in_range: Floats
-    """The same, and that it is still in range."""
+    listed: list[Floats]
+    """For batches by how long ago they were listed, a: [b, cell], b = 0 ... a: probability that the cell's
+    robot was listed then and stayed for at least b steps more."""
     ever: Floats
-    """Per cell: its robot is in the list, whenever it came there."""
+    """Its robot is in the list, whenever it came there."""
     frontier: Floats
-    """Per cell: its robot is in the frontier."""
+    """Its robot is in the frontier."""
+
+    def all_listed(self) -> Floats:
+        """[a, cell]: listed a steps ago."""
+        return np.array([stayed[0] for stayed in self.listed])
+
+    def in_range(self) -> Floats:
+        """[a, cell]: listed a steps ago, and still in range."""
+        return np.array([stayed[-1] for stayed in self.listed])
 
 
 def new_ids(system: MobileSystem) -> NewIds:
     """What is new in a step, all other robots standing still; for Eq. 10."""
     frontier2, listed, listed2 = np.mean(
         [
-            ((g.frontier**2).sum(), g.listed.sum(1).mean(), (g.listed**2).sum(1).mean())
-            for g in _grids(system, oldest=1)
+            ((grid.frontier**2).sum(), grid.listed[0].sum(), (grid.listed[0] ** 2).sum())
+            for grid in _grids(system, oldest=1)
         ],
         axis=0,
     )
@@ -157,42 +163,55 @@ def _matched(grid: _Grid, mobile: _Mobile) -> tuple[float, float]:
 
     A covariance is the sum over robots of the probability to be in the list, times what the mean gains then.
     """
-    left = 0.5 ** np.arange(len(grid.listed))[:, None]
-    here, moving = grid.in_range, mobile.in_range[:, None]
+    here, moving = grid.in_range(), mobile.in_range
     older = grid.ever - here.sum(0)  # in the list for so long that they are matched
     older_moving = mobile.ever - moving.sum()
-    nobody = np.prod(1 - left * grid.listed, axis=1, keepdims=True) * np.exp(-left * mobile.listed)
-    alone = 1 / (1 - left * grid.listed)  # times `nobody`: no edge to any other cell
-    candidates = (here * alone).sum(1, keepdims=True) + moving
-    by_batch = nobody * candidates
-    mean = by_batch.sum() + older.sum() + older_moving
+    elsewhere = older.sum() - older + older_moving  # matched, if the robot of this cell is not in the list
+    mean = older.sum() + older_moving
+    covariance = 0.0
+    for age, stayed in enumerate(grid.listed):
+        likely, edge = _false_edge(stayed)
+        _, edge_moving = _false_edge(moving[: age + 1, None])
+        nobody = likely * np.prod(1 - edge, axis=1, keepdims=True) * np.exp(-edge_moving)
+        alone = 1 / (1 - edge)  # times `nobody`: no edge to any other cell
+        candidates = (here[age] * alone).sum(1, keepdims=True) + moving[age]
+        matched = float((nobody * candidates).sum())
+        without = (nobody * alone * (candidates - here[age] * alone)).sum(0)
+        mean += matched
+        elsewhere = elsewhere + without
+        covariance += float((here[age] * ((nobody * alone).sum(0) - 0.5**age * without)).sum())
+        covariance += float(moving[age] * (nobody.sum() - 0.5**age * matched))
+    covariance += float((grid.ever * elsewhere).sum() + older.sum() + older_moving - grid.ever.sum() * mean)
+    return float(mean), covariance
 
-    without = nobody * alone * (candidates - here * alone)  # matched of a batch, if this cell is elsewhere
-    elsewhere = without.sum(0) + older.sum() - older + older_moving
-    covariance = (here * (elsewhere + nobody * alone - left * without)).sum() + (
-        older * (elsewhere + 1)
-    ).sum()
-    covariance -= grid.ever.sum() * mean
-    covariance += (moving * (nobody - left * by_batch)).sum() + older_moving
-    return float(mean), float(covariance)
+
+def _false_edge(stayed: Floats) -> tuple[Floats, Floats]:
+    """Probability of a false edge to the robot of each cell, given how long the visual id has been dark, k.
+
+    `stayed` [b, cell]: listed a steps ago and in range for at least b of them. Out of range a robot is
+    silent: it agrees with a visual id that is dark ever since it left. Returns the probabilities of
+    k = 0 ... a, [k, 1], and the edges', [k, cell].
+    """
+    age = len(stayed) - 1
+    b = np.arange(age)[:, None]
+    left = 0.5**b * (stayed[:-1] - stayed[1:])  # and disagreed with nothing before
+    since = np.concatenate([np.zeros((1, stayed.shape[1])), np.cumsum(left[::-1], axis=0)])
+    likely = np.append(0.5 ** np.arange(1.0, age + 1), 0.5**age)[:, None]
+    return likely, since + 0.5**age * stayed[-1]
 
 
 def _false_edges(grid: _Grid, mobile: _Mobile) -> tuple[float, float]:
     """Mean of the false edges, and their covariance with the ids in the list; see `_matched`."""
-    left = 0.5 ** np.arange(len(grid.listed))[:, None]
-    here, moving = grid.in_range, mobile.in_range[:, None]
-    older = grid.ever - here.sum(0)
-    batch = grid.listed.sum(1, keepdims=True) + mobile.listed
+    listed, here, moving = grid.all_listed(), grid.in_range(), mobile.in_range[:, None]
+    left = 0.5 ** np.arange(len(listed))[:, None]
+    batch = listed.sum(1, keepdims=True) + mobile.listed
     here_all = here.sum(1, keepdims=True) + moving
-    own = left * (batch - grid.listed)
+    own = left * (batch - listed)
     by_batch = (here * own).sum(1, keepdims=True) + moving * left * batch
     mean = by_batch.sum()
-
-    without = by_batch - here * own - left * grid.listed * (here_all - here)
-    elsewhere = without.sum(0)
-    covariance = (here * (elsewhere + own + left * (here_all - here))).sum() + (older * elsewhere).sum()
-    covariance -= grid.ever.sum() * mean
-    covariance += (moving * left * (batch + here_all)).sum()
+    elsewhere = (by_batch - here * own - left * listed * (here_all - here)).sum(0)
+    covariance = (grid.ever * elsewhere).sum() - grid.ever.sum() * mean
+    covariance += (here * (own + left * (here_all - here))).sum() + (moving * left * (batch + here_all)).sum()
     return float(mean), float(covariance)
 
 
@@ -200,9 +219,9 @@ def _grids(system: MobileSystem, oldest: int, occupied: float = 1.0) -> Iterator
     """Quadrature for directions and phases from a sequence of low discrepancy (powers of 1/1.2207...)."""
     across, behind, chord, area = _points(system)
     weight = area * system.density * occupied
-    age = np.floor(behind / system.speed + 1e-9)
+    entered = np.floor(behind / system.speed + 1e-9)
     stays = np.floor((chord - behind) / system.speed + 1e-9)
-    first = 0.5 ** (age + 1)
+    first = 0.5 ** (entered + 1)
     ages = np.arange(oldest)
     for number in range(GRIDS):
         angle, *phase = (0.5 + number * 1.2207440846057596 ** -np.arange(1.0, 4.0)) % 1
@@ -214,15 +233,18 @@ def _grids(system: MobileSystem, oldest: int, occupied: float = 1.0) -> Iterator
         cells, cell = np.unique(rows * 2**32 + columns, return_inverse=True)
         cell = cell.reshape(rows.shape)
 
-        def by_cell(weights: Floats, at: NDArray[np.int64], count: int = len(cells)) -> Floats:
-            return np.asarray(np.bincount(at, weights, count), dtype=np.float64)
-
         yield _Grid(
-            listed=np.array([by_cell(weight * first, at) for at in cell]),
-            in_range=np.array([by_cell(weight * first * (stays >= a), cell[a]) for a in ages]),
-            ever=by_cell(weight * (1 - first), cell[0]),
-            frontier=by_cell(weight * (age == 0), cell[0]),
+            listed=[_stayed(weight * first, stays, at, age, len(cells)) for age, at in enumerate(cell)],
+            ever=_stayed(weight * (1 - first), stays, cell[0], 0, len(cells))[0],
+            frontier=_stayed(weight * (entered == 0), stays, cell[0], 0, len(cells))[0],
         )
+
+
+def _stayed(weight: Floats, stays: Floats, cell: NDArray[np.int64], age: int, cells: int) -> Floats:
+    """[b, cell]: sums of the weights of points in each cell that stay for at least b of `age` steps."""
+    exactly = np.minimum(stays, age).astype(np.int64)
+    counts = np.bincount(exactly * cells + cell, weight, (age + 1) * cells).reshape(age + 1, cells)
+    return np.asarray(np.cumsum(counts[::-1], axis=0)[::-1])
 
 
 def _points(system: MobileSystem) -> tuple[Floats, Floats, Floats, Floats]:
@@ -232,17 +254,18 @@ def _points(system: MobileSystem) -> tuple[Floats, Floats, Floats, Floats]:
     points are spaced by a part of the speed, so that every one has one age.
     """
     radius, speed = system.radius, system.speed
-    per_separation = min(_GRID_POINTS, max(4, int(6 * _GRID_POINTS * system.separation / radius)))
+    per_separation = min(_GRID_POINTS, max(4, int(9 * _GRID_POINTS * system.separation / radius)))
     spacing = min(system.separation / per_separation, radius / 16)
     lines = max(64, math.ceil(math.pi * radius / spacing))
     angle = ((np.arange(lines) + 0.5) / lines - 0.5) * math.pi
     step = speed / math.ceil(speed / spacing)
-    behind = (np.arange(math.ceil(2 * radius / step)) + 0.5) * step
+    front = np.arange(math.ceil(2 * radius / step)) * step
     across, chord = radius * np.sin(angle)[:, None], 2 * radius * np.cos(angle)[:, None]
     width = radius * np.cos(angle)[:, None] * math.pi / lines
-    length = np.clip(chord - behind + step / 2, 0, step)
-    area = width * length
-    inside = area > 0
-    shape = area.shape
-    spread = [np.broadcast_to(values, shape)[inside] for values in (across, behind, chord)]
-    return spread[0], spread[1], spread[2], area[inside]
+    length = np.clip(chord - front, 0, step)
+    inside = length > 0
+
+    def spread(values: Floats) -> Floats:
+        return np.asarray(np.broadcast_to(values, length.shape)[inside])
+
+    return spread(across), spread(front + length / 2), spread(chord), spread(width * length)

@@ -39,7 +39,7 @@ def on_one_axis(*laws: CompletionLaw) -> list[np.ndarray]:
     return [np.concatenate([law.cdf, np.ones(steps - len(law.cdf))]) for law in laws]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(neighbourhoods(), probabilities, colours)
 def test_a_law(size: tuple[int, int], p: float, colours: int) -> None:
     law = CompletionLaw(*size, p, colours)
@@ -58,7 +58,7 @@ def test_a_law(size: tuple[int, int], p: float, colours: int) -> None:
     assert (law.survival <= bound * (1 + 1e-9)).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(neighbourhoods(), probabilities, colours)
 def test_more_ids_take_longer(size: tuple[int, int], p: float, colours: int) -> None:
     w, v = size
@@ -80,7 +80,7 @@ def test_quantiles_invert_the_law(size: tuple[int, int], p: float, q: float) -> 
     assert step == 0 or law.cdf[step - 1] < q
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(1, 60), probabilities, colours, st.integers(0, 40))
 def test_fraction_matched(wireless: int, p: float, colours: int, steps: int) -> None:
     fraction = fraction_matched(wireless, steps, p, colours)
@@ -94,7 +94,7 @@ def test_fraction_matched(wireless: int, p: float, colours: int, steps: int) -> 
     np.testing.assert_allclose(fraction[:shared], done[:shared], rtol=0, atol=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(neighbourhoods(20), st.floats(0.01, 0.99), st.integers(0, 2**32))
 def test_mixing_keeps_what_is_certain(size: tuple[int, int], share: float, seed: int) -> None:
     """With any chances within the groups: probabilities stay so, and add up to one."""
@@ -118,7 +118,7 @@ systems = st.builds(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(systems, st.floats(0, 5))
 def test_mobile_models(system: MobileSystem, excess: float) -> None:
     areas = age_regions(system.radius, system.speed)

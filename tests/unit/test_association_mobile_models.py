@@ -60,15 +60,14 @@ def test_age_regions(system: MobileSystem) -> None:
     assert (areas > 0).all()
     assert (np.diff(areas) < 0).all()
     assert len(areas) == math.ceil(2 * system.radius / system.speed)
-    rng = np.random.default_rng(5)
-    points = rng.uniform(-system.radius, system.radius, (200_000, 2))
-    points = points[np.hypot(*points.T) <= system.radius]
-    age = np.zeros(len(points), dtype=int)
+    side = ((np.arange(1500) + 0.5) / 750 - 1) * system.radius
+    x, y = (axis.ravel() for axis in np.meshgrid(side, side))
+    x, y = x[np.hypot(x, y) <= system.radius], y[np.hypot(x, y) <= system.radius]
+    age = np.zeros(len(x), dtype=int)
     for steps in range(1, len(areas)):  # the observer was further back, to the left
-        age += np.hypot(points[:, 0] + steps * system.speed, points[:, 1]) <= system.radius
-    counts = np.bincount(age, minlength=len(areas))
-    expected = areas / areas.sum() * len(points)
-    assert (np.abs(counts - expected) < 4.5 * np.sqrt(expected)).all()
+        age += np.hypot(x + steps * system.speed, y) <= system.radius
+    counted = np.bincount(age, minlength=len(areas)) * (side[1] - side[0]) ** 2
+    np.testing.assert_allclose(counted, areas, atol=1e-4 * system.radius**2)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +177,7 @@ def test_new_false_edges() -> None:
     assert new_false_edges(3.0, 0.0) == 6.0  # always three: 3 * 2
     assert new_false_edges(0.5, 0.25) == 0.0  # none or one
     with pytest.raises(
-        ValueError, match=r"new_ids_variance: 0.2 is impossible for 0.5 new ids a step; give at least 0.25"
+        ValueError, match=r"new_ids_variance: 0\.2 is impossible for 0\.5 new ids a step; give at least 0\.25"
     ):
         new_false_edges(0.5, 0.2)
 
@@ -290,7 +289,9 @@ def test_all_mobile_is_poisson() -> None:
     assert model.visual_ids_in_list_sd == pytest.approx(math.sqrt(ids), rel=1e-4)
     assert model.fraction_matched_of_sums == pytest.approx(matched / ids, rel=1e-3)
     assert model.ratio_of_sums == pytest.approx(1 + here @ left * new / ids, rel=1e-3)
-    assert new == pytest.approx(2.8 * 4 / math.pi, rel=0.01)  # 2 r * mean relative speed * density
+    assert new == pytest.approx(
+        2.8 * 4 / math.pi, rel=0.02
+    )  # 2 r * mean relative speed * density; a few leave unlisted
 
 
 def test_limits_of_the_finer_model() -> None:
@@ -316,7 +317,7 @@ def test_more_mobile_robots_are_more_ambiguous() -> None:
     assert [m.ratio for m in models] == sorted(m.ratio for m in models)
     assert [m.fraction_matched for m in models] == sorted((m.fraction_matched for m in models), reverse=True)
     assert models[3].ratio > models[1].ratio + 0.1
-    with pytest.raises(ValueError, match="mobile_fraction: 1.5 is no fraction"):
+    with pytest.raises(ValueError, match=r"mobile_fraction: 1\.5 is no fraction"):
         batch_model(DEFAULT, 1.5)
 
 
