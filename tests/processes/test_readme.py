@@ -57,6 +57,15 @@ def test_from_nothing_to_a_scored_log(tmp_path: Path) -> None:
     assert read.stdout.startswith("0 r0")
 
 
+def test_channel_association(tmp_path: Path) -> None:
+    (commands,) = blocks("Channel association", "sh")
+    done = shell(commands, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "expected_steps" in done.stdout
+    written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == {"stationary.mcap", "mobile.mcap", "figure-07.png", "figure-07.svg", "figure-07.csv"}
+
+
 def test_every_command_is_described() -> None:
     listed = set(re.findall(r"^heliograph (\w+)", README.split("\n## The command\n")[1], re.MULTILINE))
     help_text = shell("heliograph --help", Path.cwd()).stdout
