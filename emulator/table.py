@@ -66,6 +66,8 @@ def _nested(value: Any) -> bool:
 def _shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return "(" + ", ".join(f"{key} {_shown(item)}" for key, item in value.items()) + ")"
     if isinstance(value, list):
         return _cut([_shown(item) for item in value])
     return "-" if value is None else str(value)
