@@ -11,7 +11,6 @@ Started by the broker with one end of a socket pair as its standard input.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import os
 import selectors
@@ -25,6 +24,7 @@ from typing import Annotated
 from msgspec import Meta, Struct, msgpack
 
 from agent.endings import exit_code, one_line, sentence
+from agent.parent import signal_at_death_of
 
 MAX_CONTROL_BYTES = 180_000
 """A control message fits one datagram of the default socket buffer."""
@@ -85,15 +85,6 @@ FromZygote = Prepared | Spawned | Exited | Output
 encode = msgpack.Encoder().encode
 decode_to_zygote = msgpack.Decoder(ToZygote).decode
 decode_from_zygote = msgpack.Decoder(FromZygote).decode
-
-_PR_SET_PDEATHSIG = 1
-
-
-def signal_at_death_of(parent: int, number: signal.Signals) -> None:
-    """Have the kernel signal this process when its parent ends, however it ends."""
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, number)
-    if os.getppid() != parent:  # it ended before the request took effect
-        os.kill(os.getpid(), number)
 
 
 def yield_to_broker() -> None:

@@ -69,7 +69,7 @@ def _shown(value: Any) -> str:
     if isinstance(value, Mapping):
         return "(" + ", ".join(f"{key} {_shown(item)}" for key, item in value.items()) + ")"
     if isinstance(value, list):
-        return _cut([_shown(item) for item in value])
+        return _cut([f"({_shown(item)})" if isinstance(item, list) else _shown(item) for item in value])
     return "-" if value is None else str(value)
 
 

@@ -58,7 +58,7 @@ def _add_work(parser: argparse.ArgumentParser) -> None:
 
 
 def _predict(parsed: argparse.Namespace) -> int:
-    if parsed.name is None or parsed.name.startswith("-"):
+    if parsed.name is None:
         _list(PREDICTIONS, "prediction", as_options=True)
         return OK
     prediction = find("prediction", PREDICTIONS, parsed.name)

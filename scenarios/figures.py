@@ -6,6 +6,8 @@ Every number in a picture therefore stands in its CSV file, with its standard er
 from __future__ import annotations
 
 import csv
+import io
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -66,8 +68,10 @@ class Run(Struct, frozen=True):
     parameters: Struct
     samples: int
     """Unless the user says."""
-    limited: bool = False
-    """Costly ones: never more than `samples`, whatever the user says."""
+    at_most: bool = False
+    """For costly ones: the user can have fewer, and not more."""
+    at_least: bool = False
+    """For those that others are judged by: the user can have more, and not fewer."""
 
 
 class Figure(Struct, frozen=True):
@@ -92,6 +96,11 @@ class Work:
     """Does the runs of figures, each once, however many figures need it."""
 
     def __init__(self, *, samples: int | None = None, seed: int = 1, jobs: int | None = None) -> None:
+        """Raises UserError below two samples, which have no standard error."""
+        if samples is not None and samples < 2:
+            raise UserError(
+                f"--samples {samples}: figures show standard errors, which take 2 samples or more"
+            )
         self._samples = samples
         self._seed = seed
         self.workers = Workers(jobs)
@@ -113,9 +122,10 @@ class Work:
         return msgspec.json.encode((run.study.name, run.parameters, self._samples_of(run)))
 
     def _samples_of(self, run: Run) -> int:
-        if self._samples is None:
-            return run.samples
-        return min(run.samples, self._samples) if run.limited else self._samples
+        wanted = run.samples if self._samples is None else self._samples
+        if run.at_most:
+            wanted = min(wanted, run.samples)
+        return max(wanted, run.samples) if run.at_least else wanted
 
 
 def reproduce(
@@ -169,27 +179,49 @@ def _files(folder: Path, number: int) -> dict[str, Path]:
 def _refuse_to_overwrite(folder: Path, numbers: Iterable[int], force: bool) -> None:
     for number in numbers:
         for path in _files(folder, number).values():
+            if path.is_dir():
+                raise UserError(f"{path} is a folder; choose another --out")
             if path.exists() and not force:
                 raise UserError(f"{path} exists; choose another --out or say --force")
     try:
         folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise UserError(f"--out {folder}: is a file; choose a folder") from None
     except OSError as error:
         raise UserError(f"--out {folder}: cannot be made ({error.strerror}); choose another folder") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UserError(f"--out {folder}: cannot be written to; choose another folder")
 
 
 def _write(paper: Paper, number: int, table: Table, folder: Path) -> list[Path]:
     figure = paper.figures[number]
-    files = _files(folder, number)
     title = f"{paper.title}, Fig. {number}: {figure.title}"
-    with files["csv"].open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table.columns)
-        writer.writerows(table.rows)
-    canvas = drawn(figure, table)
-    with mpl.rc_context(STYLE):
-        canvas.savefig(files["png"], metadata={"Title": title, "Software": "Heliograph"})
-        canvas.savefig(files["svg"], metadata={"Title": title, "Creator": "Heliograph", "Date": None})
+    files = _files(folder, number)
+    # Everything is made before anything is written: a figure is there whole or not at all.
+    contents = {"csv": _csv(table), **_pictures(figure, table, title)}
+    for kind, path in files.items():
+        try:
+            path.write_bytes(contents[kind])
+        except OSError as error:
+            raise UserError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
     return list(files.values())
+
+
+def _csv(table: Table) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.columns)
+    writer.writerows(table.rows)
+    return text.getvalue().encode()
+
+
+def _pictures(figure: Figure, table: Table, title: str) -> dict[str, bytes]:
+    canvas = drawn(figure, table)
+    png, svg = io.BytesIO(), io.BytesIO()
+    with mpl.rc_context(STYLE):
+        canvas.savefig(png, format="png", metadata={"Title": title, "Software": "Heliograph"})
+        canvas.savefig(svg, format="svg", metadata={"Title": title, "Creator": "Heliograph", "Date": None})
+    return {"png": png.getvalue(), "svg": svg.getvalue()}
 
 
 class _Bar:

@@ -11,16 +11,22 @@ import math
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from msgspec import Struct
 
+from agent.parent import signal_at_death_of
 from channels.randomness import stable_key
 from emulator.errors import RunFailed
+
+MOST_SAMPLES = 10**10
+MOST_JOBS = 256
 
 Partial = Any
 """What one chunk yields: anything that can be pickled."""
@@ -64,20 +70,22 @@ def run_study(
     `jobs` processes share the work (default: one per processor), or those of `workers`, which can do
     several studies one after the other. Raises ValueError for parameters that do not go together,
     RunFailed where a process dies.
+
+    A chunk's generator does not depend on the parameters, so that studies with one seed share their
+    chance: what they differ in is told apart the better, but their errors are not independent.
     """
     study.check(parameters)
     samples = study.samples if samples is None else samples
-    if samples < 1:
-        raise ValueError(f"samples: a study takes at least 1, not {samples}")
-    sizes = _chunks(samples, study.chunk(parameters))
-    tasks = [(study, parameters, seed, number, size) for number, size in enumerate(sizes)]
+    if not 1 <= samples <= MOST_SAMPLES:
+        raise ValueError(f"samples: a study takes at least 1 and at most {MOST_SAMPLES}, not {samples}")
+    size = study.chunk(parameters)
+    chunks = -(-samples // size)
+    tasks = ((study, parameters, seed, i, min(size, samples - i * size)) for i in range(chunks))
     partials: list[Partial] = []
-    done = 0
     with workers or Workers(jobs) as crew:
-        for size, partial in zip(sizes, crew.simulate(tasks, study.max_jobs), strict=True):
+        for partial in crew.simulate(tasks, chunks, study.max_jobs):
             partials.append(partial)
-            done += size
-            on_progress(done)
+            on_progress(min(samples, len(partials) * size))
     return study.summarise(parameters, partials)
 
 
@@ -90,8 +98,8 @@ class Workers:
 
     def __init__(self, jobs: int | None = None) -> None:
         self._jobs = len(os.sched_getaffinity(0)) if jobs is None else jobs
-        if self._jobs < 1:
-            raise ValueError(f"jobs: at least 1 process has to work, not {jobs}")
+        if not 1 <= self._jobs <= MOST_JOBS:
+            raise ValueError(f"jobs: 1 to {MOST_JOBS} processes can work, not {jobs}")
         self._pool: ProcessPoolExecutor | None = None
         self._others: set[Any] = set()
         self._entered = 0
@@ -110,17 +118,16 @@ class Workers:
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool = None
 
-    def simulate(self, tasks: list[Task], max_jobs: int | None) -> Iterator[Partial]:
-        """The results of all tasks, in their order, as they become ready; `max_jobs` as in `Study`."""
-        if min(self._jobs, len(tasks), max_jobs or self._jobs) <= 1:
+    def simulate(self, tasks: Iterable[Task], count: int, max_jobs: int | None) -> Iterator[Partial]:
+        """The results of `count` tasks, in their order, as they become ready; `max_jobs` as in `Study`."""
+        if min(self._jobs, count, max_jobs or self._jobs) <= 1:
             return map(_simulate, tasks)
         if self._pool is None:
             self._others = set(multiprocessing.active_children())
             # Spawned, not forked: the progress bar has a thread, and threads do not survive a fork.
-            self._pool = ProcessPoolExecutor(
-                self._jobs, multiprocessing.get_context("spawn"), _leave_interrupts_to_the_parent
-            )
-        return _in_order([self._pool.submit(_simulate, task) for task in tasks])
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._jobs, context, _end_with_parent, (os.getpid(),))
+        return _in_order(self._pool, tasks, 2 * self._jobs)
 
 
 def generator(study: str, seed: int, chunk: int) -> np.random.Generator:
@@ -128,14 +135,24 @@ def generator(study: str, seed: int, chunk: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, stable_key(study), chunk])))
 
 
-def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
-    """Mean of independent values, and its standard error (infinite below two of them)."""
+def mean_and_error(values: Sequence[float]) -> tuple[float, float | None]:
+    """Mean of independent values, and its standard error (None below two of them)."""
     count = len(values)
     mean = math.fsum(values) / count
     if count < 2:
-        return mean, math.inf
+        return mean, None
     variance = math.fsum((value - mean) ** 2 for value in values) / (count - 1)
     return mean, math.sqrt(variance / count)
+
+
+def error_of_sums(samples: int, total: int, square: int, scale: int = 1) -> float | None:
+    """Standard error of the mean of values x / scale, from the sums of x and of its square; None below two.
+
+    In whole numbers, so that nothing is lost where values hardly differ.
+    """
+    if samples < 2:
+        return None
+    return math.sqrt((samples * square - total * total) / (samples - 1)) / samples / scale
 
 
 Task = tuple[Study, Struct, int, int, int]
@@ -146,20 +163,21 @@ def _simulate(task: Task) -> Partial:
     return study.simulate(parameters, generator(study.name, seed, number), size)
 
 
-def _chunks(samples: int, most: int) -> list[int]:
-    whole, rest = divmod(samples, most)
-    return [most] * whole + ([rest] if rest else [])
+def _in_order(pool: ProcessPoolExecutor, tasks: Iterable[Task], ahead: int) -> Iterator[Partial]:
+    """Results in the order of the tasks, of which so many are handed out ahead of what is taken."""
+    rest = iter(tasks)
+    waiting: deque[Future[Partial]] = deque()
+    try:
+        waiting.extend(pool.submit(_simulate, task) for task in islice(rest, ahead))
+        while waiting:
+            yield waiting.popleft().result()
+            waiting.extend(pool.submit(_simulate, task) for task in islice(rest, 1))
+    except BrokenProcessPool:
+        sentence = "a process that worked on the study was killed (out of memory?); try fewer --jobs"
+        raise RunFailed(sentence) from None
 
 
-def _in_order(futures: list[Future[Partial]]) -> Iterator[Partial]:
-    futures.reverse()
-    while futures:
-        try:
-            yield futures.pop().result()  # popped, so that what has been handed on is not kept twice
-        except BrokenProcessPool:
-            sentence = "a process that worked on the study was killed (out of memory?); try fewer --jobs"
-            raise RunFailed(sentence) from None
-
-
-def _leave_interrupts_to_the_parent() -> None:
+def _end_with_parent(parent: int) -> None:
+    """Interrupts are the parent's to handle; but no worker outlives it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal_at_death_of(parent, signal.SIGKILL)

@@ -24,7 +24,7 @@ def fits(wireless: int, visual: int) -> dict[str, float]:
     - `log_product`: 2 log2(h) log2(s+1), as printed. Several times too large.
     - `log_product_root`: 2 sqrt(log2(h) log2(s+1)). Of the readings with a square root it is the one near
       the exact mean: over h in [2, 40], s in [1, h-1] its error has a root mean square of 0.94 steps; for
-      sqrt(2 log2(h) log2(s+1)) that is 3.2, with the root over one factor only 7.5 to 9.2, as printed 27.
+      sqrt(2 log2(h) log2(s+1)) that is 3.2, with the root over one factor only 7.5 to 9.0, as printed 27.
     - `arsinh`: arsinh(hs), 2.6 steps too small on average over the same range.
     """
     check_neighbourhood(wireless, visual, 0.5, 1)

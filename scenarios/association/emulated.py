@@ -97,7 +97,7 @@ def _mean(scores: Sequence[dict[str, Any]], metric: str) -> dict[str, float | No
     if not defined:
         return {"mean": None, "se": None}
     mean, error = mean_and_error(defined)
-    return {"mean": mean, "se": error if len(defined) > 1 else None}
+    return {"mean": mean, "se": error}
 
 
 EMULATED = Study(

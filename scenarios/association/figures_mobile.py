@@ -80,7 +80,10 @@ def over_time(sweep: Sweep, metric: str) -> Figure:
 def small_world(sweep: Sweep) -> list[Run]:
     """The small world simulated, and on the emulator."""
     small = sweep.small()
-    return [Run(SERIES, small, SMALL_WORLDS), Run(EMULATED, small, EMULATED_RUNS, limited=True)]
+    return [
+        Run(SERIES, small, SMALL_WORLDS, at_least=True),
+        Run(EMULATED, small, EMULATED_RUNS, at_most=True),
+    ]
 
 
 def _runs(sweep: Sweep) -> Callable[[], list[Run]]:
@@ -98,26 +101,37 @@ def _tabulate(sweep: Sweep, metric: str) -> Callable[[list[dict[str, Any]]], Tab
         *simulated, small, emulated = results
         rows: list[tuple[Cell, ...]] = []
         for value, result in zip(sweep.values, simulated, strict=True):
-            rows += _series(value, result["series"]["deep"][metric])
-            rows.append(_steady("simulated steady state", value, result["deep"][metric]))
-        rows.append(_steady("simulated small world", sweep.emulated, small["all"][metric]))
-        rows.append(_steady("emulated small world", sweep.emulated, emulated[metric]))
-        return Table(("kind", sweep.key, "step", metric, "se", "sd"), rows)
+            samples = result["samples"]
+            rows += _series(value, result["series"]["deep"][metric], samples)
+            rows.append(_steady("simulated steady state", value, result["deep"][metric], samples))
+        for kind, moment, samples in small_world_moments(small, emulated, metric):
+            rows.append(_steady(kind, sweep.emulated, moment, samples))
+        return Table(("kind", sweep.key, "step", metric, "se", "sd", "samples"), rows)
 
     return tabulate
 
 
-def _series(value: float, series: Mapping[str, Sequence[float | None]]) -> list[tuple[Cell, ...]]:
+def small_world_moments(
+    small: Mapping[str, Any], emulated: Mapping[str, Any], metric: str
+) -> list[tuple[str, Mapping[str, float | None], int]]:
+    """Kind, moment, and number of worlds or runs, of the two results of `small_world`."""
+    results = ((small["all"][metric], small["samples"]), (emulated[metric], emulated["samples"]))
+    return [(kind, *result) for kind, result in zip(SMALL_WORLD, results, strict=True)]
+
+
+def _series(
+    value: float, series: Mapping[str, Sequence[float | None]], samples: int
+) -> list[tuple[Cell, ...]]:
     steps = zip(series["mean"], series["se"], series["sd"], strict=True)
     return [
-        ("simulated", value, step, mean, error, deviation)
+        ("simulated", value, step, mean, error, deviation, samples)
         for step, (mean, error, deviation) in enumerate(steps)
         if step <= STEPS_SHOWN and mean is not None
     ]
 
 
-def _steady(kind: str, value: float, moment: Mapping[str, float | None]) -> tuple[Cell, ...]:
-    return (kind, value, None, moment["mean"], moment["se"], moment.get("sd"))
+def _steady(kind: str, value: float, moment: Mapping[str, float | None], samples: int) -> tuple[Cell, ...]:
+    return (kind, value, None, moment["mean"], moment["se"], moment.get("sd"), samples)
 
 
 def _draw(sweep: Sweep, metric: str) -> Callable[[Table, Canvas], None]:
@@ -152,5 +166,5 @@ def draw_small_world(axes: Axes, table: Table, metric: str, places: Sequence[flo
             markerfacecolor="white",
             markersize=5,
             capsize=2,
-            label=f"{kind}, 4 standard errors",
+            label=f"{kind}, 4 standard errors of {part.column('samples')[0]}",
         )

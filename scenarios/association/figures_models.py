@@ -16,12 +16,12 @@ from scenarios.association.figures_mobile import (
     RANGE,
     RATIO,
     SEPARATION,
-    SMALL_WORLD,
     SPEED,
     WORLDS,
     Sweep,
     draw_small_world,
     small_world,
+    small_world_moments,
 )
 from scenarios.association.mobile_batches import BatchModel, batch_model, new_ids
 from scenarios.association.mobile_models import (
@@ -51,7 +51,7 @@ BY_SPEED = Axis(SPEED, (0.8, 1.25, 1.4, 1.7, 2.0, 2.5))
 
 # Name of a model, and how its line looks; the first ones as in the paper.
 STYLES = {
-    FRACTION_MATCHED: {"literal": "r--", "corrected": "m-.", "batches": "k-"},
+    FRACTION_MATCHED: {"literal": "r--", "literal, Eq. 10": "r:", "corrected": "m-.", "batches": "k-"},
     RATIO: {
         "two regions": "g:",
         "two regions, corrected": "g-.",
@@ -78,16 +78,14 @@ def _tabulate(axis: Axis, metric: str) -> Callable[[list[dict[str, Any]]], Table
     def tabulate(results: list[dict[str, Any]]) -> Table:
         rows: list[tuple[Cell, ...]] = []
         *simulated, small, emulated = results
-        moments = [
-            (value, result["deep"][metric]) for value, result in zip(axis.values, simulated, strict=True)
-        ]
-        rows += [("simulated", value, *_cells(moment)) for value, moment in moments]
-        for kind, moment in zip(SMALL_WORLD, (small["all"][metric], emulated[metric]), strict=True):
-            rows.append((kind, axis.sweep.emulated, *_cells(moment)))
+        for value, result in zip(axis.values, simulated, strict=True):
+            rows.append(("simulated", value, *_cells(result["deep"][metric]), result["samples"]))
+        for kind, moment, samples in small_world_moments(small, emulated, metric):
+            rows.append((kind, axis.sweep.emulated, *_cells(moment), samples))
         for value in np.linspace(axis.values[0], axis.values[-1], MODEL_POINTS).tolist():
             modelled = _models(axis.sweep.parameters(value), metric)
-            rows += [(name, value, predicted, None, None) for name, predicted in modelled.items()]
-        return Table(("kind", axis.sweep.key, metric, "se", "sd"), rows)
+            rows += [(name, value, predicted, None, None, None) for name, predicted in modelled.items()]
+        return Table(("kind", axis.sweep.key, metric, "se", "sd", "samples"), rows)
 
     return tabulate
 
@@ -103,6 +101,7 @@ def _models(parameters: MobileParameters, metric: str) -> dict[str, float | None
     if metric == FRACTION_MATCHED:
         return {
             "literal": fraction_matched_literal(system),
+            "literal, Eq. 10": fraction_matched_literal(system, variance),
             "corrected": fraction_matched_corrected(system, variance),
             "batches": batches.fraction_matched,
         }

@@ -103,13 +103,19 @@ def new_false_edges(mean: float, variance: float) -> float:
     return edges
 
 
-def fraction_matched_literal(system: MobileSystem) -> float | None:
-    """Sec. 5.7: Eqs. 2 and 3 for every age region, with w = v = E[v_new]; None where that is below 1."""
+def fraction_matched_literal(system: MobileSystem, variance: float | None = None) -> float | None:
+    """Sec. 5.7: Eqs. 2 and 3 for every age region, with w = v = E[v_new]; None where that is below 1.
+
+    F_init is w v - v of these means, as sec. 4.4.2 has it; or, given Var[v_new], what Eq. 10 makes of it. The
+    paper says that its model underestimates, without saying which it took: the first overestimates, the
+    second underestimates.
+    """
     populations = system.regions()
     v = system.new_ids()
     if v < 1:
         return None
-    false_edges = (v * v - v) * SURVIVES ** np.arange(len(populations))
+    initial = v * v - v if variance is None else new_false_edges(v, variance)
+    false_edges = initial * SURVIVES ** np.arange(len(populations))
     return _weighted(((v - 1) / v) ** false_edges, populations)
 
 

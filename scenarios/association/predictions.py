@@ -146,6 +146,7 @@ def predict_association_mobile(params: PredictMobile) -> dict[str, Any]:
         },
         "literal": {
             "fraction_matched": fraction_matched_literal(system),
+            "fraction_matched_eq_10": fraction_matched_literal(system, variance),
             "ratio": {
                 "two_region": two_region_model(system, variance, corrected=False).ratio(),
                 "multi_region": multi_region,

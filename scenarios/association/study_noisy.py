@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from agent.behaviours.association.matching import TIE_NOISE
 from agent.behaviours.association.rates import ChannelRates
-from scenarios.study import Study
+from scenarios.study import Study, error_of_sums
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -184,10 +184,10 @@ def summarise(parameters: NoisyParameters, partials: list[Tallies]) -> dict[str,
     fraction = [count / (samples * parameters.visual) for count in right]
     return {
         "p_all_right": p_all,
-        "p_all_right_se": [_error(samples, count, count, 1) for count in all_right],
+        "p_all_right_se": [error_of_sums(samples, count, count) for count in all_right],
         "fraction_right": fraction,
         "fraction_right_se": [
-            _error(samples, count, square, parameters.visual)
+            error_of_sums(samples, count, square, parameters.visual)
             for count, square in zip(right, squared, strict=True)
         ],
         "t99_all": _first(p_all),
@@ -198,13 +198,6 @@ def summarise(parameters: NoisyParameters, partials: list[Tallies]) -> dict[str,
 
 def _first(values: list[float]) -> int | None:
     return next((step for step, value in enumerate(values) if value >= SURE), None)
-
-
-def _error(samples: int, total: int, square: int, scale: int) -> float | None:
-    """Standard error of the mean of values `x / scale`, given the sums of x and of its square."""
-    if samples < 2:
-        return None
-    return math.sqrt((samples * square - total * total) / (samples - 1)) / samples / scale
 
 
 STUDY = Study(

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from scenarios.study import Study
+from scenarios.study import Study, error_of_sums
 
 Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
@@ -245,7 +245,7 @@ def summarise(parameters: StationaryParameters, partials: list[Histories]) -> di
     samples = int(completions.sum())
     visual = parameters.visual
     fractions = [
-        [total / (samples * visual), _error(samples, total, square, visual)]
+        [total / (samples * visual), error_of_sums(samples, total, square, visual)]
         for total, square in zip(matched.tolist(), squared.tolist(), strict=True)
         if visual
     ]
@@ -263,16 +263,9 @@ def steps_summary(completions: Ints) -> dict[str, float | None]:
     samples = sum(counts)
     total = sum(step * count for step, count in enumerate(counts))
     square = sum(step * step * count for step, count in enumerate(counts))
-    error = _error(samples, total, square, 1)
+    error = error_of_sums(samples, total, square)
     sd = None if error is None else error * math.sqrt(samples)
     return {"mean": total / samples, "sd": sd, "se": error}
-
-
-def _error(samples: int, total: int, square: int, scale: int) -> float | None:
-    """Standard error of the mean of values `x / scale`, given the sums of x and of its square."""
-    if samples < 2:
-        return None
-    return math.sqrt((samples * square - total * total) / (samples - 1)) / samples / scale
 
 
 def _padded(values: Ints, length: int, last: int) -> Ints:

@@ -235,7 +235,9 @@ def _general_law(wireless: int, visual: int, p: float, colours: int) -> tuple[Fl
 
 def _fraction_matched_at(t: int, wireless: int, p: float, colours: int) -> float:
     """Strings with k transmissions are equally likely; together they have a binomial probability."""
-    k = np.arange(t + 1)
+    # Beyond twelve standard deviations and some there is less mass than anybody asks for.
+    reach = 12 * math.sqrt(t * p * (1 - p)) + 50
+    k = np.arange(max(0, math.floor(t * p - reach)), min(t, math.ceil(t * p + reach)) + 1)
     own = binom.pmf(k, t, p)
     q = (1 - p) ** (t - k) * (p / colours) ** k
     return math.fsum(own * _power_of_complement(-q, wireless - 1))

@@ -330,6 +330,7 @@ def test_prediction() -> None:
     model = batch_model(DEFAULT, 0.05)
     assert found["literal"] == {
         "fraction_matched": fraction_matched_literal(DEFAULT),
+        "fraction_matched_eq_10": fraction_matched_literal(DEFAULT, variance),
         "ratio": {
             "two_region": two_region_model(DEFAULT, variance, corrected=False).ratio(),
             "multi_region": multi_region_model(DEFAULT, variance).ratio(),

@@ -169,6 +169,38 @@ def test_against_an_enumeration_of_the_model(nobody: float, steps: int) -> None:
                 assert (light in istate.strangers(bound)) == (nobody > 0 and owners["-"] >= bound)
 
 
+@pytest.mark.parametrize(("wireless", "visual"), [(5, 1), (4, 2), (3, 2), (2, 2), (1, 3)])
+def test_unless_told_as_many_are_out_of_sight_as_are_heard_and_not_seen(wireless: int, visual: int) -> None:
+    """At least one; and with every robot that turns up late, one more."""
+    rng = np.random.default_rng(9)
+    strings = {name: [0, *rng.integers(0, 2, 2).tolist()] for name in "abcde"[:wireless]}
+    strings["a"][0] = 1  # the first step's only voice: had missed the roll call, and turns up
+    lamps = rng.integers(0, 2, (visual, 3)).tolist()
+    istate = NoisyIState(NOISY, nobody=0.2)
+    istate.roll_call(set(strings) - {"a"}, range(visual))
+    for step in range(3):
+        heard = {name for name, string in strings.items() if string[step]}
+        istate.update(heard, {light: row[step] for light, row in enumerate(lamps)})
+        so_far = {name: string[: step + 1] for name, string in strings.items()}
+        expected = enumerated(NOISY, so_far, [row[: step + 1] for row in lamps], set(strings) - {"a"},
+                              nobody=0.2, out_of_sight=max(1, wireless - visual))  # fmt: skip
+        chances = istate.posteriors()
+        for light, owners in enumerate(expected):
+            found = {name: chances[row, light] for row, name in enumerate(istate.wireless)}
+            assert found == pytest.approx({name: owners[name] for name in strings}, abs=1e-9)
+
+
+def test_out_of_sight_by_hand() -> None:
+    """Five voices and one light: four are out of sight, and any of those, too, may have missed the roll call."""
+    istate = NoisyIState(LOSSY)
+    istate.roll_call("abcde", [7])
+    assert istate.posteriors()[:, 0] == pytest.approx([1 / (5 + 4 * 0.1)] * 5)
+    few = NoisyIState(LOSSY)
+    few.roll_call("a", [7, 8])
+    # Both lights nobody's, or one of them a's: 1 * 0.1 * 0.1, or twice 1 * 0.1.
+    assert few.posteriors()[0] == pytest.approx([0.1 / 0.21] * 2)
+
+
 # --- whether it keeps its word ----------------------------------------------------------------------
 
 

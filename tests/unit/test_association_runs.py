@@ -214,6 +214,24 @@ def test_steps_without_a_frame_are_left_out(tmp_path: Path) -> None:
     assert result["fraction_right"][-1] == 1.0
 
 
+def test_among_moving_robots_a_step_without_a_frame_changes_nothing(tmp_path: Path) -> None:
+    """A frame in the odd steps: nobody has left view because nobody looked."""
+    toml = SCENARIO.format(behaviour="mobile:associate", params=P, radio=14, camera=14)
+    toml = toml.replace("[camera]\n", "[camera]\nframe_rate_hz = 1.0\nphase_s = 0.25\n")
+    toml = toml.replace("[radio]\n", 'motion = { kind = "bounce", speed_mps = 0.2 }\n[radio]\n')
+    log = run_scenario(write_scenario(tmp_path, "", toml), tmp_path / "log.mcap", "in_process").log
+    own = entries(log)
+    assert len(own) == 14
+    candidates = 0
+    for rows in own.values():
+        assert [entry["step"] for entry in rows] == list(range(1, 61))
+        for looked, blind in zip(rows[::2], rows[1::2], strict=True):
+            assert (blind["edges"], blind["matches"]) == (looked["edges"], looked["matches"])
+            candidates += len(looked["edges"])
+    assert candidates > 14 * 30  # or this would say little
+    assert score(log)["fraction_right"][-1] > 0.5
+
+
 # --- mistakes ------------------------------------------------------------------------------------
 
 

@@ -52,13 +52,22 @@ def draw(table: Table, canvas: Canvas) -> None:
     canvas.subplots().plot(table.column("weight"), table.column("heads"))
 
 
-def figure(title: str, limited: bool = False) -> Figure:
+def figure(title: str, **limits: bool) -> Figure:
     return Figure(
-        title, lambda: [Run(FLIPS, Coin(weight=w), 30, limited) for w in (0.25, 0.5)], tabulate, draw
+        title, lambda: [Run(FLIPS, Coin(weight=w), 30, **limits) for w in (0.25, 0.5)], tabulate, draw
     )
 
 
-PAPER = Paper("coins", "Coins 2026", {1: figure("Heads"), 4: figure("Heads again"), 5: figure("Few", True)})
+PAPER = Paper(
+    "coins",
+    "Coins 2026",
+    {
+        1: figure("Heads"),
+        4: figure("Heads again"),
+        5: figure("Few", at_most=True),
+        6: figure("Many", at_least=True),
+    },
+)
 
 
 @pytest.fixture(autouse=True)
@@ -79,7 +88,7 @@ def test_a_figure_is_three_files(tmp_path: Path) -> None:
 
 def test_all_figures_do_each_run_once(tmp_path: Path) -> None:
     files = reproduce(PAPER, None, tmp_path, Work(jobs=1))
-    assert len(files) == 9
+    assert len(files) == 12
     assert SIMULATED == [(0.25, 10)] * 3 + [(0.5, 10)] * 3
 
 
@@ -92,6 +101,14 @@ def test_samples_are_the_users_but_for_what_is_costly(tmp_path: Path) -> None:
     SIMULATED.clear()
     reproduce(PAPER, [5], tmp_path / "c", Work(samples=4, jobs=1))
     assert sum(samples for _, samples in SIMULATED) == 8
+    SIMULATED.clear()
+    reproduce(PAPER, [6], tmp_path / "d", Work(samples=4, jobs=1))
+    assert sum(samples for _, samples in SIMULATED) == 60
+    SIMULATED.clear()
+    reproduce(PAPER, [6], tmp_path / "e", Work(samples=40, jobs=1))
+    assert sum(samples for _, samples in SIMULATED) == 80
+    with pytest.raises(UserError, match="--samples 1: figures show standard errors, which take 2 samples"):
+        Work(samples=1)
 
 
 def test_equal_for_a_seed(tmp_path: Path) -> None:
@@ -113,7 +130,7 @@ def test_nothing_is_overwritten_by_accident(tmp_path: Path) -> None:
 
 
 def test_a_figure_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="--figure 2: coins can be drawn in its figures 1, 4, 5"):
+    with pytest.raises(UserError, match="--figure 2: coins can be drawn in its figures 1, 4, 5, 6"):
         reproduce(PAPER, [2], tmp_path, Work())
 
 
@@ -121,6 +138,21 @@ def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="cannot be made"):
         reproduce(PAPER, [1], tmp_path / "file" / "folder", Work())
+    with pytest.raises(UserError, match="file: is a file; choose a folder"):
+        reproduce(PAPER, [1], tmp_path / "file", Work())
+    (tmp_path / "figure-01.svg").mkdir()
+    with pytest.raises(UserError, match=r"figure-01\.svg is a folder; choose another --out"):
+        reproduce(PAPER, [1], tmp_path, Work(), force=True)
+    assert SIMULATED == []
+
+
+def test_a_file_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_path: Path, _data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(UserError, match=r"figure-01\.png: cannot be written \(No space left on device\)"):
+        reproduce(PAPER, [1], tmp_path, Work(jobs=1))
 
 
 def test_a_table_by_hand() -> None:

@@ -131,6 +131,34 @@ def test_what_is_cut_off_still_counts() -> None:
     assert found == pytest.approx(exact, abs=1e-3)
 
 
+def test_what_is_cut_off_is_not_impossible() -> None:
+    """However unlikely: nothing else is certain."""
+    a = math.exp(-13.0)
+    assert -2 * math.log(a) > matching.CUTS[0]  # to swap the columns
+    found = posteriors(np.log([[1.0, a], [a, 1.0]]), np.array([NEVER, NEVER]))
+    assert found[[0, 1], [1, 0]] == pytest.approx([a * a / (1 + a * a)] * 2, rel=1e-6)
+    assert found[0, 0] == found[1, 1] < 1.0
+
+
+def test_much_that_is_cut_off_is_something_together() -> None:
+    """Five hundred columns that only the first row could have, past the last cut."""
+    others, each = 500, math.exp(-12.5)
+    assert -math.log(each) > matching.CUTS[-1]
+    assert marginals.EXACT_SIDE < 14
+    chain = np.full((14, 27), NEVER)
+    np.fill_diagonal(chain, 0.0)
+    rows = np.arange(13)
+    chain[rows, 14 + rows] = chain[rows + 1, 14 + rows] = -6.0  # free columns make one part of all rows
+    pairs = np.hstack([chain, np.full((14, others), NEVER)])
+    pairs[0, 27:] = math.log(each)
+    found = posteriors(pairs, np.full(14, NEVER))
+    # To the other rows it is the same as if the first one were left alone.
+    alone = np.array([others * each] + [0.0] * 13)
+    exact = marginals._subset_sums(np.exp(chain).T, np.ones(27), alone).T
+    assert found[0, 27:].sum() == pytest.approx(1.0 - exact[0].sum(), rel=0.01)
+    assert found[0, :27] == pytest.approx(exact[0], abs=1e-4)
+
+
 def test_huge_weights_neither_overflow_nor_vanish() -> None:
     rng = np.random.default_rng(4)
     pairs = rng.normal(0.0, 3.0, (6, 8))

@@ -18,7 +18,7 @@ from emulator.errors import RunFailed, UserError
 from scenarios import catalogue
 from scenarios.catalogue import find
 from scenarios.parameters import assignments, explained, parameters_from
-from scenarios.study import Study, Workers, generator, mean_and_error, run_study
+from scenarios.study import Study, Workers, error_of_sums, generator, mean_and_error, run_study
 
 
 class Dice(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -105,9 +105,9 @@ def test_progress_is_told() -> None:
 def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match="sides: 13 brings bad luck; take 12"):
         run_study(STUDY, Dice(sides=13), jobs=1)
-    with pytest.raises(ValueError, match="samples: a study takes at least 1, not 0"):
+    with pytest.raises(ValueError, match="samples: a study takes at least 1 and at most 10000000000, not 0"):
         run_study(STUDY, Dice(), samples=0)
-    with pytest.raises(ValueError, match="jobs: at least 1 process has to work, not 0"):
+    with pytest.raises(ValueError, match="jobs: 1 to 256 processes can work, not 0"):
         run_study(STUDY, Dice(), jobs=0)
 
 
@@ -125,7 +125,14 @@ def test_an_error_in_a_chunk_is_passed_on(jobs: int) -> None:
 
 def test_mean_and_error_by_hand() -> None:
     assert mean_and_error([1.0, 2.0, 3.0]) == (2.0, pytest.approx(math.sqrt(1 / 3)))
-    assert mean_and_error([4.0]) == (4.0, math.inf)
+    assert mean_and_error([4.0]) == (4.0, None)
+
+
+def test_error_of_sums_by_hand() -> None:
+    values = [1, 2, 3, 6]
+    square = sum(value * value for value in values)
+    assert error_of_sums(4, 12, square, 2) == pytest.approx(mean_and_error([0.5, 1, 1.5, 3])[1])
+    assert error_of_sums(1, 12, square) is None
 
 
 # --- parameters ----------------------------------------------------------------------------------

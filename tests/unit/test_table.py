@@ -22,6 +22,7 @@ def test_plain_values_share_a_row_and_nested_ones_get_their_own() -> None:
 
 def test_tables_in_lists_are_one_line() -> None:
     assert score_table({"bins": [{"from": 0.5, "right": 3}, {}]}) == "bins  (from 0.5, right 3), ()"
+    assert score_table({"means": [[0.5, 0.1], [1.0, 0.0]]}) == "means  (0.5, 0.1), (1, 0)"
 
 
 def test_long_lists_are_cut() -> None:
