@@ -8,7 +8,6 @@ random: the answers of `NoisyIState` (closed, with known rates), for thousands o
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any
 
 import numpy as np
