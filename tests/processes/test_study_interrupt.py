@@ -17,8 +17,20 @@ from tests.support import TIMEOUT_S
 
 pytestmark = pytest.mark.processes
 
-COMMAND = [sys.executable, "-m", "emulator", "study", "association-mobile", "--samples", "500", "--jobs", "2"]
-"""Takes minutes, if nobody stops it."""
+COMMAND = [
+    sys.executable,
+    "-m",
+    "emulator",
+    "study",
+    "association-mobile",
+    "--samples",
+    "500",
+    "--jobs",
+    "2",
+    "--set",
+    "steps=50000",
+]
+"""Takes hours, and many minutes for one world, if nobody stops it."""
 WHEN = [pytest.param(0, id="while workers start"), pytest.param(3, id="while they compute")]
 """Seconds of processor time that workers have used; to import everything takes them one or two."""
 
