@@ -91,3 +91,11 @@ def test_rates_that_are_estimated_leave_few_claims_wrong() -> None:
     claims = first_claims(NOISY, WORSE, 20, USUAL)[0.99]
     assert claims.made > 150
     assert claims.wrong / claims.made < 0.03
+
+
+def test_a_guess_that_is_far_off_is_better_learnt_from_than_believed() -> None:
+    guess = ChannelRates(wireless_loss=0.02, visual_miss=0.02, visual_false=0.02)
+    believed, learnt = (first_claims(guess, WORSE, 15, estimate)[0.99] for estimate in ((), USUAL))
+    assert min(believed.made, learnt.made) > 100
+    assert believed.wrong / believed.made > 0.08
+    assert learnt.wrong / learnt.made < 0.05
