@@ -18,7 +18,7 @@ from emulator.table import score_table
 from scenarios.catalogue import PAPERS, PREDICTIONS, STUDIES, find
 from scenarios.parameters import assignments, explained, parameters_from
 from scenarios.prediction import Prediction
-from scenarios.study import Study, run_study
+from scenarios.study import MOST_JOBS, MOST_SAMPLES, Study, run_study
 
 OK = 0
 
@@ -48,8 +48,9 @@ def add_commands(commands: Commands) -> None:
 
 
 def _add_work(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--samples", type=_positive, metavar="N", help="how many samples (default: its own)")
-    parser.add_argument("--jobs", type=_positive, metavar="J",
+    parser.add_argument("--samples", type=_count(MOST_SAMPLES), metavar="N",
+                        help="how many samples (default: its own)")  # fmt: skip
+    parser.add_argument("--jobs", type=_count(MOST_JOBS), metavar="J",
                         help="processes that share the work (default: one per processor)")  # fmt: skip
     parser.add_argument("--seed", type=_seed, default=1, metavar="S", help="seed of all randomness (1)")
 
@@ -165,10 +166,13 @@ def _show(result: dict[str, Any], as_json: bool) -> None:
         print(score_table(result))
 
 
-def _positive(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"is a whole number of at least 1, not {text!r}")
-    return int(text)
+def _count(most: int) -> Callable[[str], int]:
+    def count(text: str) -> int:
+        if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"is a whole number from 1 to {most}, not {text!r}")
+        return int(text)
+
+    return count
 
 
 def _seed(text: str) -> int:

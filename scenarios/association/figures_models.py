@@ -96,7 +96,7 @@ def _cells(moment: Mapping[str, float | None]) -> tuple[Cell, ...]:
 
 def _models(parameters: MobileParameters, metric: str) -> dict[str, float | None]:
     system = MobileSystem(parameters.range, parameters.speed, parameters.separation)
-    variance = new_ids(system).listed_variance
+    variance = _listed_variance(system)
     batches = _batches(system, parameters.mobile_fraction)
     if metric == FRACTION_MATCHED:
         return {
@@ -114,8 +114,14 @@ def _models(parameters: MobileParameters, metric: str) -> dict[str, float | None
 
 
 @cache
-def _batches(system: MobileSystem, mobile_fraction: float) -> BatchModel:
+def _listed_variance(system: MobileSystem) -> float:
     """Computed once for both metrics' figures."""
+    return new_ids(system).listed_variance
+
+
+@cache
+def _batches(system: MobileSystem, mobile_fraction: float) -> BatchModel:
+    """Likewise."""
     return batch_model(system, mobile_fraction)
 
 

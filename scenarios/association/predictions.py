@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
@@ -159,7 +160,7 @@ def predict_association_mobile(params: PredictMobile) -> dict[str, Any]:
                 "multi_region": multi_region,
             },
         },
-        "refined": _refined(system, params.mobile_fraction),
+        "refined": asdict(batch_model(system, params.mobile_fraction)),
     }
 
 
@@ -201,15 +202,3 @@ def _variance(params: PredictMobile, new: NewIds) -> float:
     return {"listed": new.listed_variance, "frontier": new.frontier_variance, "poisson": new.mean}[
         params.variance
     ]
-
-
-def _refined(system: MobileSystem, mobile_fraction: float) -> dict[str, float]:
-    model = batch_model(system, mobile_fraction)
-    return {
-        "fraction_matched": model.fraction_matched,
-        "fraction_matched_of_sums": model.fraction_matched_of_sums,
-        "ratio": model.ratio,
-        "ratio_of_sums": model.ratio_of_sums,
-        "visual_ids_in_list": model.visual_ids_in_list,
-        "visual_ids_in_list_sd": model.visual_ids_in_list_sd,
-    }

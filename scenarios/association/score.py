@@ -33,6 +33,11 @@ class History(NamedTuple):
     """The scenario as it was run."""
 
     @property
+    def owners(self) -> Truth:
+        """Who is behind which visual id."""
+        return truth_of(record for _, record in self.truth)
+
+    @property
     def steady_from_step(self) -> int | None:
         """What `params.steady_from_step` says."""
         step = self.settings.get("params", {}).get("steady_from_step")
@@ -44,8 +49,7 @@ class History(NamedTuple):
 def score(log: LogReader) -> dict[str, Any]:
     """Score of one log; see `score_history` for what it holds."""
     history = read(log)
-    truth = truth_of(record for _, record in history.truth)
-    return score_history(history.entries, truth, history.sent, history.steady_from_step)
+    return score_history(history.entries, history.owners, history.sent, history.steady_from_step)
 
 
 def read(log: LogReader) -> History:

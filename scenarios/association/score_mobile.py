@@ -18,7 +18,7 @@ from emulator.scenario import Motion, RobotSpec
 from emulator.world import World
 from logs.reader import LogReader
 from scenarios.association import score_metrics as metrics
-from scenarios.association.score import Entry, History, costs, read, truth_of
+from scenarios.association.score import Entry, History, costs, read
 from scenarios.association.score_metrics import Truth, judge
 
 RANGES_FROM_WALLS = 3.0
@@ -27,9 +27,8 @@ RANGES_FROM_WALLS = 3.0
 def score(log: LogReader) -> dict[str, Any]:
     """Score of one log; see `score_history` for what it holds."""
     history = read(log)
-    truth = truth_of(record for _, record in history.truth)
     deep = list(_deep(history))
-    return score_history(history.entries, deep, truth, history.sent, history.steady_from_step)
+    return score_history(history.entries, deep, history.owners, history.sent, history.steady_from_step)
 
 
 def score_history(

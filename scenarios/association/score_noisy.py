@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from logs.reader import LogReader
-from scenarios.association.score import Entry, read, score_history, truth_of
+from scenarios.association.score import Entry, read, score_history
 from scenarios.association.score_metrics import Truth
 
 BINS = (0.5, 0.9, 0.95, 0.99, 0.999, 0.9999, 1.0)
@@ -17,7 +17,7 @@ BINS = (0.5, 0.9, 0.95, 0.99, 0.999, 0.9999, 1.0)
 def score(log: LogReader) -> dict[str, Any]:
     """As `score.score`, with `calibration`, `first_claims` (see there) and `rates` (see `last_rates`)."""
     history = read(log)
-    truth = truth_of(record for _, record in history.truth)
+    truth = history.owners
     common = score_history(history.entries, truth, history.sent, history.steady_from_step)
     return {
         **common,

@@ -17,6 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from agent.behaviours.association.matching import TIE_NOISE
 from agent.behaviours.association.rates import ChannelRates
+from scenarios.association.study_stationary import check_inclusion
 from scenarios.study import Study, error_of_sums
 
 Bools = NDArray[np.bool_]
@@ -122,11 +123,7 @@ def likeliest(weights: Floats, generator: np.random.Generator) -> Ints:
 
 def check(parameters: NoisyParameters) -> None:
     """Raises ValueError for parameters that do not go together, naming the key."""
-    if parameters.visual > parameters.wireless:
-        raise ValueError(
-            f"visual: {parameters.visual} robots are seen but only {parameters.wireless} heard, and who is "
-            f"seen is heard here (channel inclusion); set visual to {parameters.wireless} or less"
-        )
+    check_inclusion(parameters.wireless, parameters.visual)
 
 
 def chunk(parameters: NoisyParameters) -> int:

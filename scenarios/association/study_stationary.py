@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from agent.behaviours.association.istate import survival
 from scenarios.study import Study, error_of_sums
 
 Ints = NDArray[np.int64]
@@ -185,17 +186,22 @@ def _tell_apart(
 
 def check(parameters: StationaryParameters) -> None:
     """Raises ValueError for parameters that do not go together, naming the key."""
-    if parameters.visual > parameters.wireless:
-        raise ValueError(
-            f"visual: {parameters.visual} robots are seen but only {parameters.wireless} heard, and who is "
-            f"seen is heard here (channel inclusion); set {parameters.wireless} or less"
-        )
+    check_inclusion(parameters.wireless, parameters.visual)
     check_activity(parameters.p, parameters.colours)
+
+
+def check_inclusion(wireless: int, visual: int) -> None:
+    """Raises ValueError where more robots are seen than heard."""
+    if visual > wireless:
+        raise ValueError(
+            f"visual: {visual} robots are seen but only {wireless} heard, and who is seen "
+            f"is heard here (channel inclusion); set visual to {wireless} or less"
+        )
 
 
 def check_activity(p: float, colours: int) -> None:
     """Raises ValueError where robots behave so much alike that it takes ages to tell them apart."""
-    differ = 1 - (1 - p) ** 2 - p**2 / colours
+    differ = 1 - survival(p, colours)
     if differ * LONGEST_AGREEMENT < 1:
         raise ValueError(
             f"p: with {p:g} two robots differ in less than one of {LONGEST_AGREEMENT:.0f} steps, and "

@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
+from agent.behaviours.association.istate import survival
 from scenarios.association.mixing import Chances, mix, mix_alike
 
 Floats = NDArray[np.float64]
@@ -158,7 +159,7 @@ def exact_lower_bound(wireless: int, visual: int, colours: int = 1) -> int:
 
 def agreement(p: float, colours: int = 1) -> float:
     """The probability c = sum_s r_s^2 that two robots emit the same symbol in a step; m in 2016, Eq. 1."""
-    return (1 - p) ** 2 + p * p / colours
+    return survival(p, colours)
 
 
 def pairs_to_tell_apart(wireless: int, visual: int) -> int:

@@ -130,6 +130,19 @@ def test_study_noisy(heliograph: Any) -> None:
     assert result(heliograph(*words, "--samples", 400, "--jobs", 2, "--json")) == found
 
 
+@pytest.mark.parametrize(
+    ("option", "bound"), [("--samples", "from 1 to 10000000000"), ("--jobs", "from 1 to 256")]
+)
+@pytest.mark.parametrize("number", ["0", "100000000000000000000", "x"])
+def test_counts_out_of_bounds(
+    capsys: pytest.CaptureFixture[str], option: str, bound: str, number: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["study", "association", option, number])
+    assert ended.value.code == 2
+    assert f"argument {option}: is a whole number {bound}, not '{number}'" in capsys.readouterr().err
+
+
 def test_a_study_for_people(heliograph: Any) -> None:
     code, out, _ = heliograph("study", "association", "--samples", 500, "--jobs", 1)
     assert code == 0
