@@ -1,5 +1,6 @@
 """The robot: behaviours and what they see. `from agent import Robot` is all a behaviour needs."""
 
+from agent.radio import Slot
 from agent.robot import Observation, Robot, Step
 
-__all__ = ["Observation", "Robot", "Step"]
+__all__ = ["Observation", "Robot", "Slot", "Step"]

@@ -8,17 +8,29 @@ the transmit queue.
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
 from agent.clock import Clock
 from agent.outbox import Outbox
-from agent.waiting import Mailbox
+from agent.waiting import Mailbox, sleep_until
 from channels.messages import Message, RadioPlan, Transmission, encode_payload
 from channels.tdma import Schedule
-from channels.units import airtime_ns, to_s
+from channels.units import airtime_ns, bits_within, to_s
 
 
 class MessageTooLong(ValueError):
     """A payload that can never be sent: over the scenario's limit, or longer than a slot."""
+
+
+class Slot(NamedTuple):
+    """One own time slot. Times by the own clock."""
+
+    frame: int
+    """Counts the frames from time 0."""
+    start_ns: int
+    """First instant at which a message may begin: half of the guard is over."""
+    bytes: int
+    """Most payload bytes that one message can carry in it."""
 
 
 class Radio:
@@ -39,7 +51,13 @@ class Radio:
         `payload`: anything msgpack carries (numbers, text, bytes, lists, dicts, None).
         Raises MessageTooLong, TypeError for other objects, TooMuchAtOnce past 1000 at one instant.
         """
-        raw = encode_payload(payload)
+        return self.broadcast_bytes(encode_payload(payload))
+
+    def broadcast_bytes(self, raw: bytes) -> bool:
+        """Send bytes as they are, which receivers find in `message.raw`; otherwise as `broadcast`.
+
+        For formats that count their bits: msgpack, which `broadcast` uses, adds some of its own.
+        """
         if len(raw) > self._plan.max_payload_bytes:
             raise MessageTooLong(
                 f"a payload of {len(raw)} bytes; the scenario's radio.max_payload_bytes is "
@@ -52,6 +70,15 @@ class Radio:
             return False
         self._outbox.transmit(Transmission(start, raw))
         return True
+
+    def slots(self) -> Slots:
+        """Own time slots, each as it begins: `async for slot in robot.radio.slots()`.
+
+        One that the behaviour sleeps through is skipped. Raises RuntimeError where the radio has no slots.
+        """
+        if self._access is None:
+            raise RuntimeError('the radio has no slots; set radio.access = "tdma"')
+        return Slots(self._access, self._clock)
 
     async def receive(self) -> Message:
         """The next message, waiting for it if none has arrived. Cancelling it loses nothing."""
@@ -77,13 +104,46 @@ class Radio:
         self._inbox.deliver(messages)
 
 
+class Slots:
+    """Asynchronous iterator over own slots; each waits until it begins."""
+
+    __slots__ = ("_access", "_after_ns", "_clock")
+
+    def __init__(self, access: SlotAccess, clock: Clock) -> None:
+        self._access = access
+        self._clock = clock
+        self._after_ns = clock.now_ns
+
+    def __aiter__(self) -> Slots:
+        return self
+
+    async def __anext__(self) -> Slot:
+        slot = self._access.next_slot(max(self._after_ns, self._clock.now_ns))
+        self._after_ns = slot.start_ns + 1
+        if slot.start_ns > self._clock.now_ns:
+            await sleep_until(slot.start_ns)
+        return slot
+
+
 class SlotAccess:
     """TDMA at the sender: gives every message its start within own slots, first come first served."""
 
     def __init__(self, plan: RadioPlan) -> None:
         self._plan = plan
-        self._schedule = Schedule(plan.slot_ns, plan.guard_ns, plan.slots)
+        self._schedule = Schedule(plan.slot_ns, plan.guard_ns, plan.slots, plan.order_key)
         self._ends: deque[int] = deque()
+
+    def next_slot(self, after_ns: int) -> Slot:
+        """The first own slot that begins at or after an instant."""
+        start_ns = self._schedule.next_start(self._plan.slot, after_ns)
+        return Slot(start_ns // self._schedule.frame_ns, start_ns, self._capacity())
+
+    def _capacity(self) -> int:
+        plan = self._plan
+        if plan.bit_rate_bps is None:
+            return plan.max_payload_bytes
+        bits = bits_within(plan.slot_ns - plan.guard_ns, plan.bit_rate_bps) - plan.overhead_bits
+        return max(0, min(bits // 8, plan.max_payload_bytes))
 
     def start(self, now_ns: int, payload_bytes: int) -> int | None:
         """Start of the transmission by the own clock [ns], or None where the queue is full.
@@ -104,7 +164,7 @@ class SlotAccess:
             return None
         earliest = max(now_ns, self._ends[-1]) if self._ends else now_ns
         start = earliest
-        if not self._schedule.inside(plan.slot, earliest, airtime):
+        if not self._schedule.keeps_guard(plan.slot, earliest, airtime):
             start = self._schedule.next_start(plan.slot, earliest)
         self._ends.append(start + airtime)
         return start

@@ -9,7 +9,6 @@ async def roll_call(robot: Robot) -> None:
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import KeysView, Mapping
 from functools import cached_property
 from itertools import chain, compress
@@ -23,6 +22,7 @@ from agent.drivers.camera import Camera, Frame
 from agent.drivers.lamp import Lamp
 from agent.outbox import Outbox
 from agent.radio import Radio
+from agent.waiting import sleep_until
 from channels.messages import MAX_NAME, Hello, LogEntry, Message, encode_entry
 from channels.units import to_ns, to_s
 
@@ -33,12 +33,16 @@ class Robot:
     def __init__(self, hello: Hello, outbox: Outbox, clock: Clock) -> None:
         self.id: str = hello.robot
         """Own name, which is also its network address (wireless id)."""
+        self.number: int = hello.number
+        """Own place in the team, from 0: an address that takes few bits."""
+        self.team_size: int = hello.team
+        """How many robots the team has."""
         self.params: Mapping[str, Any] = hello.params
         """The scenario's [params] for this robot."""
         self.radio = Radio(hello.radio, outbox, clock)
         self.lamp = Lamp(hello.colours, outbox, clock)
         self.camera = Camera()
-        self.body = Body(hello.pose, outbox)
+        self.body = Body(hello.pose, outbox, hello.altitude_m)
         self._seed = hello.rng_seed
         self._outbox = outbox
         self._clock = clock
@@ -135,7 +139,7 @@ class Step:
     async def observe(self) -> Observation:
         """Wait for the end of the step; then what has been heard and seen and not taken before."""
         if self.end_ns > self._robot.now_ns:
-            await _sleep_until(self.end_ns)
+            await sleep_until(self.end_ns)
         return Observation(self._robot.radio.received(), self._robot.camera.frames())
 
 
@@ -158,21 +162,5 @@ class Steps:
         index = max(self._next, now_ns // period)
         self._next = index + 1
         if index * period > now_ns:
-            await _sleep_until(index * period)
+            await sleep_until(index * period)
         return Step(self._robot, index, period)
-
-
-async def _sleep_until(when_ns: int) -> None:
-    """Sleep until an instant of the own clock; the deadline is exact, not a duration from now."""
-    loop = asyncio.get_running_loop()
-    reached = loop.create_future()
-    timer = loop.call_at(to_s(when_ns), _arrive, reached)
-    try:
-        await reached
-    finally:
-        timer.cancel()
-
-
-def _arrive(future: asyncio.Future[None]) -> None:
-    if not future.done():
-        future.set_result(None)

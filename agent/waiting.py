@@ -1,10 +1,12 @@
-"""A mailbox that coroutines wait on: what radio and camera have in common."""
+"""What coroutines wait for: items in a mailbox (radio, camera), and instants of the own clock."""
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
 from typing import Generic, TypeVar
+
+from channels.units import to_s
 
 Item = TypeVar("Item")
 
@@ -60,3 +62,19 @@ class Mailbox(Generic[Item]):
             if not waiter.done():
                 waiter.set_result(None)
                 return
+
+
+async def sleep_until(when_ns: int) -> None:
+    """Sleep until an instant of the own clock; the deadline is exact, not a duration from now."""
+    loop = asyncio.get_running_loop()
+    reached = loop.create_future()
+    timer = loop.call_at(to_s(when_ns), _arrive, reached)
+    try:
+        await reached
+    finally:
+        timer.cancel()
+
+
+def _arrive(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)

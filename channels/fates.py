@@ -24,6 +24,9 @@ class Reason(IntEnum):
     too_long = 4
     loss = 5
     receiver_down = 6
+    half_duplex = 7
+    collision = 8
+    burst = 9
     not_a_candidate = 255
     """The sender itself."""
 
@@ -32,10 +35,25 @@ class Reason(IntEnum):
 _DELIVERED = np.uint8(Reason.delivered)
 
 
+class OnAir(Struct, frozen=True, gc=False):
+    """A transmissions whose times overlap that of one of a batch, its own ones among them."""
+
+    senders: Ints
+    """(A,) robot indices."""
+    starts_ns: NDArray[np.int64]
+    """(A,)"""
+    ends_ns: NDArray[np.int64]
+    """(A,)"""
+
+
 class Batch(Struct, frozen=True, gc=False):
-    """Transmissions that start at one instant: T of them, in a team of N robots."""
+    """Transmissions that end at one instant: T of them, in a team of N robots.
+
+    Their fates are decided when they end: only then is known what else was on the air meanwhile.
+    """
 
     now_ns: int
+    """The instant at which they end."""
     senders: Ints
     """(T,) robot indices."""
     seqs: Ints
@@ -48,6 +66,13 @@ class Batch(Struct, frozen=True, gc=False):
     """(N, 2) x, y in metres. An array is never written to once handed over: gates cache by its identity."""
     listening: Bools
     """(N,) the robot's radio is on."""
+    on_air: OnAir | None = None
+    """None where nothing overlaps, or overlapping does no harm."""
+
+    @property
+    def starts_ns(self) -> NDArray[np.int64]:
+        """(T,) when each began."""
+        return self.now_ns - self.airtimes_ns
 
 
 class Fates(Struct, frozen=True, gc=False):
@@ -56,7 +81,7 @@ class Fates(Struct, frozen=True, gc=False):
     reason: NDArray[np.uint8]
     """(T, N) codes of `Reason`."""
     delay_ns: NDArray[np.int64]
-    """(T, N) from the start of the transmission to its reception; meaningful where delivered."""
+    """(T, N) from the end of the transmission to its reception; meaningful where delivered."""
 
     def deliveries(self) -> list[tuple[list[int], list[int]]]:
         """For each transmission the receivers it reaches, ascending, and the delay to each [ns]."""

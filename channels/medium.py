@@ -7,10 +7,14 @@ Gates are asked in this order, and the first that refuses a receiver names the r
     length          too_long        no slot could hold it (TDMA)
     slot            out_of_slot     not wholly inside the sender's own slot, by true time (TDMA)
     receiver        receiver_down   the receiver's radio is off
-    loss            loss            chance
+    half duplex     half_duplex     the receiver was transmitting itself (`collisions`)
+    collision       collision       the receiver was in range of another transmission (`collisions`)
+    bursts          burst           chance that remembers (`bursts`)
+    loss            loss            chance that does not
 
-Length comes before slot because what fits no slot lies inside none. TDMA settings count where access is
-TDMA; under ideal access they are ignored, so that one word in a scenario switches between the two.
+All is decided when a transmission ends, with the places the robots have then. Length comes before slot
+because what fits no slot lies inside none. TDMA settings count where access is TDMA; under ideal access
+they are ignored, so that one word in a scenario switches between the two.
 
 The medium owns no clock and no socket: it is told the instant, and everything it says is a function of
 its arguments, the settings and the seed. Only `admit` remembers: what the senders' radios are busy with.
@@ -23,10 +27,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from channels.fates import Batch, Bools, Fates, Floats, Gate, Ints, Reason
+from channels.fates import Batch, Bools, Fates, Floats, Gate, Ints, OnAir, Reason
 from channels.gates.bandwidth import QueueGate, TransmitQueues
+from channels.gates.bursts import BurstGate
+from channels.gates.collision import CollisionGate, HalfDuplexGate
 from channels.gates.loss import Jitter, LossGate
-from channels.gates.range import RangeGate
+from channels.gates.range import Disc, RangeGate
 from channels.gates.receiver import ReceiverGate
 from channels.gates.tdma import LengthGate, SlotGate
 from channels.randomness import stable_keys
@@ -43,11 +49,22 @@ _NOT_A_CANDIDATE = np.uint8(Reason.not_a_candidate)
 class Medium:
     """One radio channel shared by a team. Robots are indexed in the order of `robots`.
 
-    Raises ValueError for TDMA without its settings, or with slots that nothing fits into.
+    `slots`: which slot is whose, where robots share them; None: each has one of its own, by the settings.
+    `altitudes_m`: how high each robot is; None: all on one plane. Raises ValueError for TDMA without its
+    settings, or with slots that nothing fits into.
     """
 
-    def __init__(self, settings: RadioSettings, robots: Sequence[str], seed: int) -> None:
+    def __init__(
+        self,
+        settings: RadioSettings,
+        robots: Sequence[str],
+        seed: int,
+        *,
+        slots: Sequence[int] | None = None,
+        altitudes_m: Sequence[float] | None = None,
+    ) -> None:
         self._settings = settings
+        self._disc = Disc(settings.range_m, None if altitudes_m is None else np.array(altitudes_m))
         self._keys = stable_keys(robots)
         self.schedule: Schedule | None = None
         """None: no slots."""
@@ -56,8 +73,8 @@ class Medium:
         if settings.access == "tdma":
             if settings.tdma is None:
                 raise ValueError("access is tdma, but there are no tdma settings")
-            self.schedule = schedule_of(settings.tdma, len(robots))
-            self.slots = slot_order(settings.tdma, robots, seed)
+            self.slots = slot_order(settings.tdma, robots, seed) if slots is None else slots
+            self.schedule = schedule_of(settings, max(self.slots) + 1, seed)
         self._queues = TransmitQueues(len(robots), settings.queue)
         # A latency that rounds to nothing would let an effect reach another robot at its own instant.
         self._latency_ns = np.full(len(robots), max(1, to_ns(settings.latency_s)), dtype=np.int64)
@@ -66,13 +83,28 @@ class Medium:
         self._gates = self._chain(seed)
 
     def _chain(self, seed: int) -> list[Gate]:
-        gates: list[Gate] = [RangeGate(self._settings.range_m), QueueGate()]
+        gates: list[Gate] = [RangeGate(self._disc), QueueGate()]
         if self.schedule is not None:
             gates += [LengthGate(self.schedule), SlotGate(self.schedule, self.slots)]
         gates.append(ReceiverGate())
+        if self._settings.collisions:
+            gates += [HalfDuplexGate(), CollisionGate(self._disc)]
+        if self._settings.bursts is not None:
+            gates.append(BurstGate(self._settings.bursts, self._keys, seed))
         if self._settings.loss > 0:
             gates.append(LossGate(self._settings.loss, self._keys, seed))
         return gates
+
+    @property
+    def collides(self) -> bool:
+        """Whether it matters what else is on the air."""
+        return self._settings.collisions
+
+    def place_of(self, sender: int, start_ns: int) -> int | None:
+        """Where in the frame of an instant a robot's own slot is; None without slots."""
+        if self.schedule is None:
+            return None
+        return self.schedule.place(self.slots[sender], start_ns // self.schedule.frame_ns)
 
     def airtime_ns(self, payload_bytes: int) -> int:
         """Time a message with so much payload occupies the sender's radio; 0 at unlimited bit rate."""
@@ -97,13 +129,14 @@ class Medium:
         refused: Bools,
         positions: Floats,
         listening: Bools,
+        on_air: OnAir | None = None,
     ) -> Fates:
-        """Fates of the transmissions that start now; shapes and meanings as in `Batch`.
+        """Fates of the transmissions that end now; shapes and meanings as in `Batch`.
 
         `positions` must not be written to afterwards: what follows from it is kept as long as the same
         array object comes back.
         """
-        batch = Batch(now_ns, senders, seqs, airtimes_ns, refused, positions, listening)
+        batch = Batch(now_ns, senders, seqs, airtimes_ns, refused, positions, listening, on_air)
         reason = np.zeros((len(senders), len(positions)), dtype=np.uint8)
         reason[np.arange(len(senders)), senders] = _NOT_A_CANDIDATE
         for gate in self._gates:
@@ -112,7 +145,7 @@ class Medium:
                 # Arithmetic, because assignment under a scattered mask costs ten times as much.
                 first = refusals & (reason == _DELIVERED)
                 reason += first.view(np.uint8) * np.uint8(gate.reason)
-        delay_ns = batch.airtimes_ns[:, None] + self._latency_ns
+        delay_ns = np.repeat(self._latency_ns[None, :], len(senders), axis=0)
         if self._jitter is not None:
             delay_ns += self._jitter.delays_ns(batch)
         return Fates(reason, delay_ns)

@@ -26,7 +26,7 @@ from msgspec import Meta, Struct
 from channels.settings import MAX_PAYLOAD_BYTES
 from channels.units import to_s
 
-PROTOCOL = 1
+PROTOCOL = 2
 MAX_REPORT_BYTES = 16 * 1024 * 1024
 MAX_TRANSMISSIONS = 1000
 """Most messages one robot may hand to its radio at one instant."""
@@ -68,6 +68,8 @@ class RadioPlan(Struct, array_like=True, frozen=True):
     guard_ns: int = 0
     slot: int = 0
     slots: int = 1
+    order_key: int | None = None
+    """As in `channels.tdma.Schedule`."""
 
 
 class Hello(Struct, array_like=True, frozen=True):
@@ -84,6 +86,11 @@ class Hello(Struct, array_like=True, frozen=True):
     """x, y [m], heading [rad]."""
     radio: RadioPlan
     colours: int
+    number: int = 0
+    """Its place in the team, from 0: an address of few bits."""
+    team: int = 1
+    """How many robots there are."""
+    altitude_m: float = 0.0
 
 
 class Transmission(Struct, array_like=True, frozen=True, gc=False):

@@ -48,6 +48,18 @@ class Draws:
     def __init__(self, seed: int, stream: str) -> None:
         self._key = stable_key(f"{seed}/{stream}")
 
+    @classmethod
+    def of_key(cls, key: int) -> Draws:
+        """The draws of a stream whose key somebody else has made: it tells nothing of the seed."""
+        draws = cls.__new__(cls)
+        draws._key = key
+        return draws
+
+    @property
+    def key(self) -> int:
+        """What `of_key` takes; below 2**64."""
+        return self._key
+
     def bits(self, *words: Word) -> UInts:
         """64 random bits per question: uint64, of the shape the words broadcast to."""
         return _shaped(_chain(self._key, words), words)

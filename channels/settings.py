@@ -16,16 +16,40 @@ Count = Annotated[int, Meta(ge=1)]
 
 MAX_PAYLOAD_BYTES = 65_536
 """Hard limit of one radio payload, whatever a scenario allows."""
+USUAL_PAYLOAD_BYTES = 1024
 
 
 class TdmaSettings(Struct, frozen=True, forbid_unknown_fields=True):
-    """Time-division access: each robot owns one slot a frame."""
+    """Time-division access: each robot owns one slot a frame, as long as one of `slot_s` and `units` says."""
 
-    slot_s: Positive
+    slot_s: Positive | None = None
+    """Length of a slot, guard included."""
+    units: Count | None = None
+    """Or what a slot carries: one message of so many units of `unit_bits` (Julian et al. 2009: m)."""
+    unit_bits: Count | None = None
     guard_s: NonNegative = 0.0
-    """Silence kept at the end of every slot."""
-    order: Literal["fixed", "drawn"] = "fixed"
-    """Slots in robot order, or in one order drawn from the seed for the whole run."""
+    """Silence in every slot, half of it before the message and half after: what clocks may be off by."""
+    order: Literal["fixed", "drawn", "drawn_each_frame"] = "fixed"
+    """Slots in robot order, in one order drawn from the seed for the run, or in a new one each frame."""
+    reuse: Literal["none", "distance_two", "distance_one"] = "none"
+    """Whether robots share a slot: nobody; those more than two hops apart, none of whose neighbours can hear
+    both; or all that are no neighbours, which collide at whoever is a neighbour of both. Hops are counted
+    where the robots start."""
+
+
+class BurstSettings(Struct, frozen=True, forbid_unknown_fields=True):
+    """Losses that come in bursts (Gilbert 1960, Elliott 1963): each link is in a burst or it is not.
+
+    The state of the link from a to b may change with every transmission of a. `enter` + `leave` is at
+    most 1: a burst is as likely to go on as the link is to be in one, or likelier.
+    """
+
+    enter: Annotated[float, Meta(gt=0, le=1)]
+    """Probability that a burst begins, per transmission."""
+    leave: Annotated[float, Meta(gt=0, le=1)]
+    """Probability that it ends, per transmission: 1 / leave is the mean length of a burst."""
+    loss: Probability = 1.0
+    """Loss during a burst; `radio.loss` comes on top of it, and counts outside of bursts as well."""
 
 
 class RadioSettings(Struct, frozen=True, forbid_unknown_fields=True):
@@ -46,7 +70,22 @@ class RadioSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Uniform extra latency per receiver, in [0, jitter_s)."""
     loss: Probability = 0.0
     """Bernoulli loss per transmission and receiver."""
-    max_payload_bytes: Annotated[int, Meta(ge=1, le=MAX_PAYLOAD_BYTES)] = 1024
+    bursts: BurstSettings | None = None
+    collisions: bool = False
+    """Transmissions that overlap in time destroy each other at whoever is in range of both, and a robot that
+    transmits hears nobody."""
+    max_payload_bytes: Annotated[int, Meta(ge=1, le=MAX_PAYLOAD_BYTES)] | None = None
+    """None: what the units of a slot hold, where slots have units; else 1024."""
+
+
+def payload_limit(radio: RadioSettings) -> int:
+    """Largest payload a robot may broadcast [bytes]."""
+    if radio.max_payload_bytes is not None:
+        return radio.max_payload_bytes
+    tdma = radio.tdma
+    if radio.access != "tdma" or tdma is None or tdma.units is None or tdma.unit_bits is None:
+        return USUAL_PAYLOAD_BYTES
+    return min(tdma.units * tdma.unit_bits // 8, MAX_PAYLOAD_BYTES)
 
 
 class LampSettings(Struct, frozen=True, forbid_unknown_fields=True):

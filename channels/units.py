@@ -32,3 +32,9 @@ def airtime_ns(bits: int, bit_rate_bps: float | None) -> int:
     # A float is a ratio of integers, and only integers divide without rounding.
     bits_numerator, seconds_denominator = bit_rate_bps.as_integer_ratio()
     return -(-bits * NS_PER_S * seconds_denominator // bits_numerator)
+
+
+def bits_within(duration_ns: int, bit_rate_bps: float) -> int:
+    """Most bits whose airtime is no longer than a duration; exact, the inverse of `airtime_ns`."""
+    bits_numerator, seconds_denominator = bit_rate_bps.as_integer_ratio()
+    return duration_ns * bits_numerator // (NS_PER_S * seconds_denominator)

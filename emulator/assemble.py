@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
+import msgspec
+
 from channels.clocks import LocalClock, draw_clocks
 from channels.medium import Medium
 from channels.messages import Hello, RadioPlan
 from channels.randomness import Draws, stable_key
+from channels.settings import payload_limit
 from channels.units import to_ns
 from emulator.airwaves import Airwaves
 from emulator.attached import attachments, user_files
@@ -18,6 +21,7 @@ from emulator.fleet import Fleet
 from emulator.lamps import Lamps
 from emulator.parts import Parts, StopRule
 from emulator.scenario import RobotSpec, Scenario, area_m, resolved_json
+from emulator.slots import shared_slots
 from emulator.world import World
 from logs.recorder import Recorder
 
@@ -45,6 +49,7 @@ def make_recorder(
         run=about,
         attachments=attachments(scenario, user_files(scenario, specs) if files is None else files),
         arena_m=area_m(scenario),
+        altitudes_m=_altitudes(specs),
     )
     recorder.truth(0, _start(scenario, specs))
     return recorder
@@ -52,7 +57,13 @@ def make_recorder(
 
 def make_medium(scenario: Scenario, specs: Sequence[RobotSpec]) -> Medium:
     """The radio channel the robots share."""
-    return Medium(scenario.radio, [spec.id for spec in specs], scenario.seed)
+    return Medium(
+        scenario.radio,
+        [spec.id for spec in specs],
+        scenario.seed,
+        slots=shared_slots(scenario.radio, specs, scenario.seed),
+        altitudes_m=_altitudes(specs),
+    )
 
 
 def make_parts(
@@ -73,7 +84,7 @@ def make_parts(
         duration_ns=to_ns(scenario.run.duration_s),
         stop=StopRule(stop.entry, stop.field) if stop is not None else None,
         scene_rate_hz=scenario.record.scene_rate_hz,
-        max_payload_bytes=scenario.radio.max_payload_bytes,
+        max_payload_bytes=payload_limit(scenario.radio),
         colours=scenario.lamp.colours,
     )
 
@@ -93,6 +104,9 @@ def make_hellos(
             pose=(*spec.position_m, spec.heading_rad),
             radio=_radio_plan(scenario, medium, index),
             colours=scenario.lamp.colours,
+            number=index,
+            team=len(specs),
+            altitude_m=spec.altitude_m,
         )
         for index, spec in enumerate(specs)
     ]
@@ -108,6 +122,7 @@ def _start(scenario: Scenario, specs: Sequence[RobotSpec]) -> dict[str, object]:
                 "position_m": list(spec.position_m),
                 "heading_rad": spec.heading_rad,
                 "velocity_mps": list(spec.velocity_mps),
+                **({"altitude_m": spec.altitude_m} if spec.altitude_m else {}),
             }
             for spec in specs
         ],
@@ -122,16 +137,19 @@ def _clocks(scenario: Scenario, robots: Sequence[str]) -> list[LocalClock] | Non
 
 def _radio_plan(scenario: Scenario, medium: Medium, robot: int) -> RadioPlan:
     radio, schedule = scenario.radio, medium.schedule
-    plan = RadioPlan(radio.max_payload_bytes, radio.overhead_bits, radio.bit_rate_bps, radio.queue)
+    plan = RadioPlan(payload_limit(radio), radio.overhead_bits, radio.bit_rate_bps, radio.queue)
     if schedule is None:
         return plan
-    return RadioPlan(
-        radio.max_payload_bytes,
-        radio.overhead_bits,
-        radio.bit_rate_bps,
-        radio.queue,
-        schedule.slot_ns,
-        schedule.guard_ns,
-        medium.slots[robot],
-        schedule.slots,
+    return msgspec.structs.replace(
+        plan,
+        slot_ns=schedule.slot_ns,
+        guard_ns=schedule.guard_ns,
+        slot=medium.slots[robot],
+        slots=schedule.slots,
+        order_key=schedule.order_key,
     )
+
+
+def _altitudes(specs: Sequence[RobotSpec]) -> list[float] | None:
+    altitudes = [spec.altitude_m for spec in specs]
+    return altitudes if any(altitudes) else None

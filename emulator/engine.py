@@ -5,9 +5,9 @@ anything happens, applies it, sends every robot that is due one grant, and waits
 until idle. Every medium takes more than no time, so nothing a robot does at t reaches another
 robot at t, and no order among the robots of one instant matters to them.
 
-Within one instant the order is fixed: transmissions that start now (in the order they were handed
-over), camera exposures, the scene for viewers, then the robots, whose reports are handled in robot
-order; last the transmissions they start at once.
+Within one instant the order is fixed: transmissions that end now (in the order they began), camera
+exposures, the scene for viewers, then the robots, whose reports are handled in robot order; last the
+transmissions of theirs that take no time.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from channels.messages import (
 )
 from channels.units import to_ns
 from emulator.agenda import Agenda, Event
-from emulator.airwaves import Starting
+from emulator.airwaves import Ending
 from emulator.fleet import RobotFailure
 from emulator.interrupts import check, held
 from emulator.mail import Mail
@@ -104,8 +104,9 @@ class Engine:
 
     def _instant(self, now: int) -> None:
         tickets, exposing, scene, due = self._agenda.take(now)
-        airwaves = self._parts.airwaves
-        if [ticket for ticket in tickets if airwaves.begin(now, ticket, self._schedule_transmission)]:
+        for ticket in tickets:
+            self._parts.airwaves.proceed(now, ticket, self._schedule_transmission)
+        if tickets:
             self._transmit(now)
         if exposing:
             self._expose(now)
@@ -246,7 +247,7 @@ class Engine:
     # --- media -----------------------------------------------------------------------------------
 
     def _transmit(self, now: int) -> None:
-        """Decide the fates of what starts now, post what is delivered, record all of it."""
+        """Decide the fates of what ends now, post what is delivered, record all of it."""
         airwaves = self._parts.airwaves
         batch = airwaves.take_batch()
         if batch is None:
@@ -257,7 +258,7 @@ class Engine:
         for row, (receivers, delays_ns) in enumerate(deliveries):
             self._post(batch, row, now, receivers, delays_ns)
 
-    def _post(self, batch: Starting, row: int, now: int, receivers: list[int], delays_ns: list[int]) -> None:
+    def _post(self, batch: Ending, row: int, now: int, receivers: list[int], delays_ns: list[int]) -> None:
         """Send one transmission on its way, encoded once for all whose clocks read the same."""
         clocks, awaits = self._parts.clocks, self._awaits
         encoded: dict[int, Raw] = {}

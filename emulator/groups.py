@@ -19,6 +19,10 @@ CruiseSpeed = Annotated[float, Meta(ge=0, le=MAX_SPEED_MPS)]
 """Of a robot that nobody tells to move; zero: it stands."""
 
 
+Altitude = Annotated[float, Meta(ge=-10_000_000.0, le=10_000_000.0)]
+"""Above the plane in which all move; the radio reckons with it, cameras and walls do not."""
+
+
 class GroupSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """What is special about some robots; everything left out is as for all others.
 
@@ -33,6 +37,7 @@ class GroupSettings(Struct, frozen=True, forbid_unknown_fields=True):
     params: dict[str, Any] = {}
     """Over those of the scenario, under a robot's own."""
     placement: Placement | None = None
+    altitude_m: Altitude | None = None
     speed_mps: CruiseSpeed | None = None
     """Instead of the speed that `bounce` motion gives all."""
 

@@ -33,7 +33,7 @@ class Progress:
     delivered: int = 0
     dropped: dict[str, int] = field(default_factory=dict)
     unsent: int = 0
-    """Messages still waiting for their slot, or for a busy radio, when the run ended."""
+    """Messages waiting for their slot or a busy radio, or still on the air, when the run ended."""
     ended_by: str = "duration"
     """`duration`, `stop rule`, or `all robots ended`."""
 

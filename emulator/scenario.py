@@ -20,7 +20,7 @@ from channels.settings import (
     Positive,
     RadioSettings,
 )
-from emulator.groups import MAX_SPEED_MPS, CruiseSpeed, GroupSettings, Name, group_of_each
+from emulator.groups import MAX_SPEED_MPS, Altitude, CruiseSpeed, GroupSettings, Name, group_of_each
 from emulator.placement import (
     Placement,
     Vector,
@@ -93,6 +93,7 @@ class RobotSettings(Struct, frozen=True, forbid_unknown_fields=True):
 
     id: Name
     position_m: Vector | None = None
+    altitude_m: Altitude | None = None
     heading_rad: float | None = None
     velocity_mps: tuple[Velocity, Velocity] | None = None
     behaviour: Name | None = None
@@ -157,6 +158,7 @@ class RobotSpec(Struct, frozen=True):
     """Zero unless the world's motion is `bounce`."""
     behaviour: str
     params: dict[str, Any]
+    altitude_m: float = 0.0
 
 
 def team_ids(settings: Settings) -> list[str]:
@@ -203,6 +205,7 @@ def resolved(scenario: Scenario) -> Settings:
         RobotSettings(
             id=spec.id,
             position_m=spec.position_m,
+            altitude_m=spec.altitude_m or None,
             heading_rad=spec.heading_rad,
             velocity_mps=spec.velocity_mps if bouncing else None,
             behaviour=spec.behaviour,
@@ -265,7 +268,14 @@ def _spec(
         velocity_mps=velocity,
         behaviour=behaviour,
         params=settings.params | own.params,
+        altitude_m=_altitude(own, group),
     )
+
+
+def _altitude(own: RobotSettings, group: GroupSettings) -> float:
+    if own.altitude_m is not None:
+        return own.altitude_m
+    return group.altitude_m or 0.0
 
 
 def _headings(settings: Settings, ids: Sequence[str]) -> list[float]:

@@ -15,7 +15,8 @@ from typing import Any
 import msgspec
 
 from channels.keys import ROBOT_ID
-from channels.settings import RadioSettings, TdmaSettings
+from channels.settings import RadioSettings, TdmaSettings, payload_limit
+from channels.tdma import slot_length_ns
 from channels.units import MAX_TIME_NS, NS_PER_S, airtime_ns, to_ns
 from emulator.groups import GroupSettings, size
 from emulator.placement import Vector, heading_of
@@ -160,6 +161,13 @@ def _check_area(settings: Settings) -> None:
 
 
 def _check_radio(radio: RadioSettings) -> None:
+    bursts = radio.bursts
+    if bursts is not None and bursts.enter + bursts.leave > 1:
+        raise InvalidError(
+            "radio.bursts.enter",
+            f"is {bursts.enter:g} and radio.bursts.leave {bursts.leave:g}, together more than 1, "
+            "which no burst can be like; lower one of them",
+        )
     if radio.bit_rate_bps is not None and _airtime_ns(radio) > MAX_TIME_NS:
         raise InvalidError(
             "radio.bit_rate_bps", "is so low that one message takes longer than any run; raise it"
@@ -167,31 +175,62 @@ def _check_radio(radio: RadioSettings) -> None:
     if radio.access != "tdma":
         return
     if radio.tdma is None:
-        raise InvalidError("radio.tdma", 'access = "tdma" needs slots; add [radio.tdma] with slot_s')
+        why = 'access = "tdma" needs slots; add [radio.tdma] with slot_s, or with units and unit_bits'
+        raise InvalidError("radio.tdma", why)
     if radio.bit_rate_bps is None:
         raise InvalidError(
             "radio.bit_rate_bps", 'access = "tdma" needs a bit rate, or messages would take no time; add one'
         )
+    _check_units(radio.tdma)
     _check_slot(radio, radio.tdma)
 
 
+def _check_units(tdma: TdmaSettings) -> None:
+    if tdma.units is None and tdma.slot_s is None:
+        why = (
+            "missing key radio.tdma.slot_s: give the length of a slot, or what it carries "
+            "as radio.tdma.units and radio.tdma.unit_bits"
+        )
+        raise InvalidError("radio.tdma.slot_s", why, names_key=True)
+    if tdma.units is not None and tdma.slot_s is not None:
+        raise InvalidError(
+            "radio.tdma.units", "radio.tdma.slot_s sets the length of a slot as well; keep one of them"
+        )
+    if tdma.units is not None and tdma.unit_bits is None:
+        why = "missing key radio.tdma.unit_bits: say how many bits a unit has"
+        raise InvalidError("radio.tdma.unit_bits", why, names_key=True)
+
+
 def _check_slot(radio: RadioSettings, tdma: TdmaSettings) -> None:
+    slot_ns = slot_length_ns(radio, tdma)
+    if slot_ns > MAX_TIME_NS:
+        raise InvalidError("radio.tdma.units", "make a slot that lasts longer than any run; set fewer")
+    if slot_ns <= to_ns(tdma.guard_s):
+        raise InvalidError(
+            "radio.tdma.units", "make a slot that takes no time; set more, or a lower bit rate"
+        )
     needed_ns = _airtime_ns(radio) + to_ns(tdma.guard_s)
-    if needed_ns <= to_ns(tdma.slot_s):
+    if needed_ns <= slot_ns:
         return
+    if tdma.slot_s is None:
+        raise InvalidError(
+            "radio.max_payload_bytes",
+            f"is {payload_limit(radio)}, and {tdma.units} units of {tdma.unit_bits} bits hold no more than "
+            f"{(tdma.units or 0) * (tdma.unit_bits or 0) // 8} bytes; leave it out, or set more units",
+        )
     # Rounded up, so that the number shown is one that works.
     needed_s = math.ceil(needed_ns / 1000) / 1e6
     guard = f" with a guard of {tdma.guard_s:g} s" if tdma.guard_s else ""
     raise InvalidError(
         "radio.tdma.slot_s",
-        f"a slot of {tdma.slot_s:g} s is too short for one message of {radio.max_payload_bytes} bytes{guard} "
+        f"a slot of {tdma.slot_s:g} s is too short for one message of {payload_limit(radio)} bytes{guard} "
         f"(needs at least {needed_s:.12g} s at {radio.bit_rate_bps:.12g} bit/s); lengthen the slot, "
         "raise bit_rate_bps or lower max_payload_bytes",
     )
 
 
 def _airtime_ns(radio: RadioSettings) -> int:
-    return airtime_ns(8 * radio.max_payload_bytes + radio.overhead_bits, radio.bit_rate_bps)
+    return airtime_ns(8 * payload_limit(radio) + radio.overhead_bits, radio.bit_rate_bps)
 
 
 def _check_robot(settings: Settings, robot: RobotSettings) -> None:

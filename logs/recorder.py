@@ -62,18 +62,20 @@ class Recorder:
         run: Mapping[str, str] | None = None,
         attachments: Sequence[Attachment] = (),
         arena_m: tuple[float, float] = (10.0, 10.0),
+        altitudes_m: Sequence[float] | None = None,
     ) -> None:
         """Create the file and write what is known at the start: `run`, the attachments, all schemas.
 
         A first record, on /log at 0, says that recording begins: with it all of this is on the disk.
 
-        `force` replaces an existing file; `arena_m` scales the drawn robots. Raises LogError when the file
+        `force` replaces an existing file; `arena_m` scales the drawn robots; `altitudes_m`: how high each
+        is drawn (None: all on the ground). Raises LogError when the file
         exists or cannot be written, TypeError when `run` holds anything but text.
         """
         _check_texts(run or {})
         self.path = path
         self._robots = list(robots)
-        self._scene = SceneEncoder(self._robots, arena_m)
+        self._scene = SceneEncoder(self._robots, arena_m, altitudes_m)
         self._heard: list[tuple[int, list[int]]] = []
         self._repeat_at_ns = 0
         self._now_ns = 0
@@ -107,7 +109,7 @@ class Recorder:
         reasons: NDArray[np.uint8],
         deliveries: Sequence[tuple[list[int], list[int]]],
     ) -> None:
-        """Record the T transmissions that start now, on /radio.
+        """Record the T transmissions that end now, on /radio.
 
         `senders` are robot indices; `reasons` (T, N) codes of `Reason`, of which `out_of_range` and the
         sender itself are left out; `deliveries` as `Fates.deliveries` gives them.

@@ -41,36 +41,37 @@ _LIT = (
 )
 _COLOURS = np.array([_DARK, *(_LIT[i % len(_LIT)] for i in range(255))], dtype=np.uint8)
 
-# One robot's translation (field 4: x, y) and rotation (field 5: z, w), zeros left out.
-_MOTION = np.dtype(
-    [
-        *(("head", "S3"), ("x", "<f8"), ("y_tag", "u1"), ("y", "<f8")),
-        *(("rotation", "S3"), ("z", "<f8"), ("w_tag", "u1"), ("w", "<f8")),
-    ]
-)
-# One corner of the lines (field 5 of LinePrimitive: x, y).
-_CORNER = np.dtype([("head", "S3"), ("x", "<f8"), ("y_tag", "u1"), ("y", "<f8")])
+# A vector whose zeros are left out: x and y, and where robots have altitudes z as well.
+_FLAT = [("head", "S3"), ("x", "<f8"), ("y_tag", "u1"), ("y", "<f8")]
+_HIGH = [*_FLAT, ("z_tag", "u1"), ("z", "<f8")]
+# One robot's rotation (field 5: z, w), which follows its translation (field 4).
+_ROTATION = [("rotation", "S3"), ("sine", "<f8"), ("w_tag", "u1"), ("w", "<f8")]
 _LIGHT = np.dtype([("xyz", "<f4", 3), ("rgba", "u1", 4)])
-_VECTOR_BYTES = 18
+_FLAT_BYTES = 18
+_HIGH_BYTES = 27
 
 
 class SceneEncoder:
     """Encodes the scene of one team. Robots are drawn at a hundredth of the arena's longer side."""
 
-    def __init__(self, robots: Sequence[str], arena_m: tuple[float, float]) -> None:
+    def __init__(
+        self,
+        robots: Sequence[str],
+        arena_m: tuple[float, float],
+        altitudes_m: Sequence[float] | None = None,
+    ) -> None:
+        """`altitudes_m`: how high each robot is; None: all on the ground."""
         self._size_m = max(arena_m) / 100 or 0.01
         self._robots = list(robots)
         self._children = [_field(2, WORLD.encode()) + _field(3, robot.encode()) for robot in robots]
-        self._motion = _motion_rows(len(robots))
+        self._motion = _motion_rows(len(robots), altitudes_m)
         self._moved: NDArray[np.float64] | None = None
         self._motions: list[bytes] = []
         self._lights = np.zeros(len(robots), _LIGHT)
-        self._lights["xyz"][:, 2] = self._size_m
+        self._lights["xyz"][:, 2] = self._size_m + np.array(altitudes_m or 0.0)
         self._cloud = _cloud_fields()
         self._line_head, self._line_tail = _line_parts(self._size_m / 20)
-        self._corners = np.zeros(len(robots), _CORNER)
-        self._corners["head"] = bytes([5 << 3 | 2, _VECTOR_BYTES, 0x09])
-        self._corners["y_tag"] = 0x11
+        self._corners = _vectors(len(robots), 5, altitudes_m)
         one, other = np.triu_indices(len(robots), 1)
         self._forth, self._back = one * len(robots) + other, other * len(robots) + one
         self._pairs = np.stack((one, other), axis=1).astype("<u4")
@@ -83,7 +84,7 @@ class SceneEncoder:
             self._moved = np.array(poses)
             self._motions = self._encode_motion(poses)
         stamp = _stamp(1, now_ns)
-        fixed, parts = len(stamp) + _MOTION.itemsize, list[bytes]()
+        fixed, parts = len(stamp) + self._motion.itemsize, list[bytes]()
         for child, motion in zip(self._children, self._motions, strict=True):
             parts += (_head(1, fixed + len(child)), stamp, child, motion)
         return b"".join(parts)
@@ -120,9 +121,9 @@ class SceneEncoder:
         rows, half = self._motion, poses[:, 2] / 2
         rows["x"] = poses[:, 0].astype(np.float32)
         rows["y"] = poses[:, 1].astype(np.float32)
-        rows["z"] = np.sin(half).astype(np.float32)
+        rows["sine"] = np.sin(half).astype(np.float32)
         rows["w"] = np.cos(half).astype(np.float32)
-        data, size = rows.tobytes(), _MOTION.itemsize
+        data, size = rows.tobytes(), rows.itemsize
         return [data[start : start + size] for start in range(0, len(data), size)]
 
     def _body(self, robot: str) -> SceneEntity:
@@ -173,11 +174,23 @@ def _head(number: int, size: int) -> bytes:
     return bytes((number << 3 | 2,)) + length + bytes((size,))
 
 
-def _motion_rows(robots: int) -> NDArray[np.void]:
-    rows = np.zeros(robots, _MOTION)
-    rows["head"] = bytes([4 << 3 | 2, _VECTOR_BYTES, 0x09])
+def _vectors(
+    robots: int, field: int, altitudes_m: Sequence[float] | None, more: Sequence[tuple[str, str]] = ()
+) -> NDArray[np.void]:
+    """Rows of vectors under a field number, x and y still to be filled in."""
+    layout, size = (_FLAT, _FLAT_BYTES) if altitudes_m is None else (_HIGH, _HIGH_BYTES)
+    rows = np.zeros(robots, np.dtype([*layout, *more]))
+    rows["head"] = bytes([field << 3 | 2, size, 0x09])
     rows["y_tag"] = 0x11
-    rows["rotation"] = bytes([5 << 3 | 2, _VECTOR_BYTES, 0x19])
+    if altitudes_m is not None:
+        rows["z_tag"] = 0x19
+        rows["z"] = altitudes_m
+    return rows
+
+
+def _motion_rows(robots: int, altitudes_m: Sequence[float] | None) -> NDArray[np.void]:
+    rows = _vectors(robots, 4, altitudes_m, _ROTATION)
+    rows["rotation"] = bytes([5 << 3 | 2, _FLAT_BYTES, 0x19])
     rows["w_tag"] = 0x21
     return rows
 

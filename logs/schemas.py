@@ -69,7 +69,7 @@ _DROPPED = {
 }
 
 _RADIO = _object(
-    "One radio transmission and its fate at every receiver in range. Log time: when it starts.",
+    "One radio transmission and its fate at every receiver in range. Log time: when it ends, and is decided.",
     {
         "from": _is("string", "Id of the sender."),
         "seq": _is("integer", "Sequence number, counted by the sender."),
@@ -78,7 +78,7 @@ _RADIO = _object(
             "contentEncoding": "base64",
         },
         "bits": _is("integer", "Size on air, overhead included [bit]."),
-        "slot": _is(["integer", "null"], "Time slot of the sender, null without slots."),
+        "slot": _is(["integer", "null"], "Place of the sender's slot in the frame, null without slots."),
         "airtime_ns": _is("integer", "How long the transmission lasts [ns]."),
         "delivered": _list("string", "Ids of the robots that received it, in robot order."),
         "delay_ns": _list("integer", "From log time to reception by each of `delivered` [ns]."),

@@ -20,7 +20,9 @@ class Pose(NamedTuple):
 class Body:
     """Own pose (localisation is perfect) and motion commands; the scenario says whether it can move."""
 
-    def __init__(self, pose: tuple[float, float, float], outbox: Outbox) -> None:
+    def __init__(self, pose: tuple[float, float, float], outbox: Outbox, altitude_m: float = 0.0) -> None:
+        self.altitude_m = altitude_m
+        """Height above the plane in which robots move."""
         self._pose = Pose(*pose)
         self._outbox = outbox
 
