@@ -82,6 +82,8 @@ class WorldSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Width and height of a rectangle with one corner at (0, 0)."""
     neighbours: Positive | None = None
     """Mean number of robots in radio range of one, for robots placed uniformly in a square."""
+    start_area_m: tuple[Side, Side] | None = None
+    """Width and height of the corner at (0, 0) in which robots start; None: anywhere in the area."""
     placement: Placement = "uniform"
     """Cells of a grid are those of the whole team, in team order, whoever else is placed otherwise."""
     heading: Literal["drawn", "zero"] = "drawn"
@@ -288,5 +290,6 @@ def _places(settings: Settings, group_of: Mapping[str, GroupSettings]) -> list[V
     """Each robot's place in its own placement of the whole team: a cell whose robot is elsewhere is empty."""
     ids = list(group_of)
     wanted = [group_of[name].placement or settings.world.placement for name in ids]
-    of_team = {way: places(way, settings.seed, ids, *area_m(settings)) for way in dict.fromkeys(wanted)}
+    corner = settings.world.start_area_m or area_m(settings)
+    of_team = {way: places(way, settings.seed, ids, *corner) for way in dict.fromkeys(wanted)}
     return [of_team[way][index] for index, way in enumerate(wanted)]

@@ -53,6 +53,7 @@ def check(settings: Settings) -> None:
     _check_team(settings)
     _check_groups(settings)
     _check_area(settings)
+    _check_start_area(settings)
     _check_radio(settings.radio)
     for robot in settings.robot:
         _check_robot(settings, robot)
@@ -157,6 +158,16 @@ def _check_area(settings: Settings) -> None:
             "world.neighbours",
             f"needs an area with sides of {side:g} m, possible are {MIN_SIDE_M:g} to {MAX_SIDE_M:g} m; "
             "change it or radio.range_m",
+        )
+
+
+def _check_start_area(settings: Settings) -> None:
+    start, area = settings.world.start_area_m, area_m(settings)
+    if start is not None and (start[0] > area[0] or start[1] > area[1]):
+        raise InvalidError(
+            "world.start_area_m",
+            f"[{start[0]:.12g}, {start[1]:.12g}] is larger than the area, [{area[0]:.12g}, {area[1]:.12g}]; "
+            "make it smaller",
         )
 
 

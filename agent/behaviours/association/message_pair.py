@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from agent.behaviours.association.parameters import probability, whole_number
+from agent.behaviours.parameters import probability, whole_number
 from agent.robot import Observation, Robot, Step
 from channels.messages import Message, MessageError
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from agent.behaviours.association.message_pair import MessagePairs
 from agent.behaviours.association.mobile_istate import MobileIState
-from agent.behaviours.association.parameters import flag, positive, whole_number
+from agent.behaviours.parameters import flag, positive, whole_number
 from agent.robot import Robot
 
 

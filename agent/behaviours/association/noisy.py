@@ -24,8 +24,8 @@ from typing import Any
 
 from agent.behaviours.association.message_pair import MessagePairs
 from agent.behaviours.association.noisy_istate import NoisyIState
-from agent.behaviours.association.parameters import Params, flag, positive, probability
 from agent.behaviours.association.rates import RATES, ChannelRates
+from agent.behaviours.parameters import Params, flag, positive, probability
 from agent.robot import Robot
 
 EDGE_THRESHOLD = 0.001

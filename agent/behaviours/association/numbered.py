@@ -18,7 +18,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from agent.behaviours.association.istate import StationaryIState
-from agent.behaviours.association.parameters import positive, whole_number
+from agent.behaviours.parameters import positive, whole_number
 from agent.robot import Observation, Robot
 from channels.messages import MessageError
 

@@ -1,0 +1,1 @@
+"""State estimates across the team: who broadcasts whose in its slot (Julian et al. 2009)."""
