@@ -263,6 +263,8 @@ def has_non_finite(value: object) -> bool:
     """Whether plain data holds NaN or infinity anywhere."""
     pending: list[Any] = [value]
     for item in pending:
+        if item is None or type(item) in (int, str, bool):  # most there is; instance checks take their time
+            continue
         if isinstance(item, float | np.floating):
             if not math.isfinite(item):
                 return True

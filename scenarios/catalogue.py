@@ -19,6 +19,8 @@ STUDIES = {
     "association": "scenarios.association.study_stationary:STUDY",
     "association-mobile": "scenarios.association.study_mobile:STUDY",
     "association-noisy": "scenarios.association.study_noisy:STUDY",
+    "propagation": "scenarios.dissemination.study_propagation:STUDY",
+    "reuse": "scenarios.dissemination.study_reuse:STUDY",
 }
 PAPERS = {
     "ivanov-shell-2014": "scenarios.association.paper_2014:PAPER",
