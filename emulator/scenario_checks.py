@@ -216,10 +216,9 @@ def _check_slot(radio: RadioSettings, tdma: TdmaSettings) -> None:
     slot_ns = slot_length_ns(radio, tdma)
     if slot_ns > MAX_TIME_NS:
         raise InvalidError("radio.tdma.units", "make a slot that lasts longer than any run; set fewer")
-    if slot_ns <= to_ns(tdma.guard_s):
-        raise InvalidError(
-            "radio.tdma.units", "make a slot that takes no time; set more, or a lower bit rate"
-        )
+    if payload_limit(radio) < 1:
+        why = f"{tdma.units} units of {tdma.unit_bits} bits hold no whole byte; set more or larger ones"
+        raise InvalidError("radio.tdma.units", why)
     needed_ns = _airtime_ns(radio) + to_ns(tdma.guard_s)
     if needed_ns <= slot_ns:
         return

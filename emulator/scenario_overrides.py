@@ -34,6 +34,8 @@ EXCLUSIVE: dict[Path, str] = {
     ("world", "neighbours"): "area_m",
     ("group", "robots"): "share",
     ("group", "share"): "robots",
+    ("radio", "slot_s"): "units",
+    ("radio", "units"): "slot_s",
 }
 """Of two keys that exclude each other, setting one takes the other's place."""
 

@@ -14,17 +14,24 @@ from emulator.errors import UserError
 PREDICTIONS = {
     "association": "scenarios.association.predictions:ASSOCIATION",
     "association-mobile": "scenarios.association.predictions:ASSOCIATION_MOBILE",
+    "frame-rate": "scenarios.dissemination.predictions:PREDICTION",
 }
 STUDIES = {
     "association": "scenarios.association.study_stationary:STUDY",
     "association-mobile": "scenarios.association.study_mobile:STUDY",
     "association-noisy": "scenarios.association.study_noisy:STUDY",
+    "age": "scenarios.dissemination.study_age:STUDY",
+    "age-emulated": "scenarios.dissemination.emulated:AGE",
+    "coverage": "scenarios.coverage.study_coverage:STUDY",
+    "coverage-emulated": "scenarios.coverage.emulated:EMULATED",
     "propagation": "scenarios.dissemination.study_propagation:STUDY",
+    "propagation-emulated": "scenarios.dissemination.emulated:PROPAGATION",
     "reuse": "scenarios.dissemination.study_reuse:STUDY",
 }
 PAPERS = {
     "ivanov-shell-2014": "scenarios.association.paper_2014:PAPER",
     "ivanov-shell-2016": "scenarios.association.paper_2016:PAPER",
+    "julian-2009": "scenarios.dissemination.paper_2009:PAPER",
 }
 
 
@@ -39,6 +46,6 @@ def find(kind: str, listed: dict[str, str], name: str) -> Any:
         return getattr(import_module(module), attribute)
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        if package not in ("matplotlib", "scipy"):
+        if package not in ("matplotlib", "networkx", "numba", "scipy", "shapely"):
             raise
         raise UserError(f"{name}: needs {package}; install heliograph[desk,figures]") from None
