@@ -156,7 +156,7 @@ class SlotAccess:
             raise MessageTooLong(
                 f"a message of {payload_bytes} bytes takes {to_s(airtime)} s on the air and does not fit "
                 f"a slot of {to_s(plan.slot_ns)} s with {to_s(plan.guard_ns)} s guard; send less, or "
-                "lengthen radio.tdma.slot_s"
+                "lengthen the slot in radio.tdma"
             )
         while self._ends and self._ends[0] <= now_ns:
             self._ends.popleft()

@@ -183,6 +183,11 @@ def _check_radio(radio: RadioSettings) -> None:
         raise InvalidError(
             "radio.bit_rate_bps", "is so low that one message takes longer than any run; raise it"
         )
+    if radio.collisions and radio.bit_rate_bps is None:
+        raise InvalidError(
+            "radio.collisions",
+            "needs a bit rate: messages that take no time cannot overlap; set radio.bit_rate_bps",
+        )
     if radio.access != "tdma":
         return
     if radio.tdma is None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TypeVar
 
 from emulator.run import Options, run
-from emulator.scenario import Scenario
 from emulator.scenario_file import load
 from logs.reader import LogReader
 
@@ -28,12 +27,8 @@ def emulated(
     `scenario`: a shipped name or a file; the others as `heliograph run` takes them. Raises UserError and
     RunFailed as that does.
     """
-    return emulated_scenario(load(scenario, robots=robots, seed=seed, overrides=list(overrides)), read)
-
-
-def emulated_scenario(scenario: Scenario, read: Callable[[LogReader], T]) -> T:
-    """The same of a scenario that is loaded."""
+    loaded = load(scenario, robots=robots, seed=seed, overrides=list(overrides))
     with tempfile.TemporaryDirectory(prefix="heliograph-") as folder:
-        outcome = run(scenario, Options(out=Path(folder) / "run.mcap", echo=None))
+        outcome = run(loaded, Options(out=Path(folder) / "run.mcap", echo=None))
         with LogReader(outcome.log) as log:
             return read(log)

@@ -18,13 +18,17 @@ class Disc:
         self._altitudes = altitudes_m
         self._seen: Floats | None = None
         self._beyond: Bools | None = None
+        self._asked = 0
 
     def beyond(self, positions: Floats, senders: Ints) -> Bools:
         """(len(senders), N) for positions (N, 2), which are never written to once handed over."""
         # Robots that move bring new positions every instant, and few of them speak: only their rows
-        # are computed. Positions that come a second time stay, and are worth the whole matrix.
+        # are computed, for the range and for collisions. Positions that still come then stay, and are
+        # worth the whole matrix.
         if positions is not self._seen:
-            self._seen, self._beyond = positions, None
+            self._seen, self._beyond, self._asked = positions, None, 0
+        self._asked += 1
+        if self._asked <= 2:
             return self._farther(positions, senders)
         if self._beyond is None:
             self._beyond = self._farther(positions, np.arange(len(positions)))

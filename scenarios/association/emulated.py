@@ -6,21 +6,17 @@ both, so that figures can show what the emulator's robots do beside what the sim
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from emulator.run import Options, run
 from emulator.scenario import MAX_ROBOTS
-from emulator.scenario_file import load
-from logs.reader import LogReader
 from scenarios.association.mobile_world import robots_in
 from scenarios.association.score_mobile import score
 from scenarios.association.study_mobile import MobileParameters
 from scenarios.association.study_mobile import check as check_simulated
+from scenarios.emulated import emulated
 from scenarios.study import Study, mean_and_error
 
 SCENARIO = "association-mobile"
@@ -84,11 +80,7 @@ def overrides(parameters: MobileParameters) -> list[str]:
 
 def _score(parameters: MobileParameters, seed: int) -> dict[str, Any]:
     robots, _ = robots_in(parameters.world, parameters.separation, parameters.mobile_fraction)
-    scenario = load(SCENARIO, robots=robots, seed=seed, overrides=overrides(parameters))
-    with tempfile.TemporaryDirectory(prefix="heliograph-") as folder:
-        outcome = run(scenario, Options(out=Path(folder) / "run.mcap", echo=None))
-        with LogReader(outcome.log) as log:
-            return score(log)
+    return emulated(SCENARIO, score, robots=robots, seed=seed, overrides=overrides(parameters))
 
 
 def _mean(scores: Sequence[dict[str, Any]], metric: str) -> dict[str, float | None]:

@@ -52,6 +52,17 @@ async def drive(robot: Robot) -> None:
         if step % 3 == 2:
             robot.body.stop()
             await asyncio.sleep(0.2)
+
+
+async def reporter(robot: Robot) -> None:
+    """Says in every own slot what it has heard since the last, in as many bytes as there are."""
+    heard = [0] * robot.team_size
+    async for slot in robot.radio.slots():
+        for message in robot.radio.received():
+            heard[message.raw[0]] += 1
+        counts = bytes(min(count, 255) for count in heard)
+        robot.radio.broadcast_bytes((bytes([robot.number]) + counts)[: slot.bytes])
+        robot.log("slot", {"frame": slot.frame, "bytes": slot.bytes, "at": robot.now_ns, "heard": heard})
 '''
 
 _COMMON = """
@@ -78,6 +89,29 @@ lamp_false = 0.05
 range_noise_m = 0.2
 bearing_noise_deg = 1.0
 """
+
+_REPORTERS = """
+behaviour = "my_robot.py:reporter"
+robots = 20
+[run]
+duration_s = 3.0
+[world]
+neighbours = 5
+motion = {{ kind = "bounce", speed_mps = 0.3 }}
+[radio]
+range_m = 10.0
+access = "tdma"
+bit_rate_bps = 20000
+collisions = true
+tdma = {{ units = 1, unit_bits = 240, guard_s = 0.002, order = "{order}", reuse = "{reuse}" }}
+[clock]
+drift_ppm = 100
+[[group]]
+name = "flying"
+robots = 8
+altitude_m = 6.0
+"""
+"""Robots that speak whenever it is their turn and move slowly out of the neighbourhoods they had."""
 
 
 def _association(behaviour: str, params: str, *, radio: str = "", camera: str = "", more: str = "") -> str:
@@ -148,6 +182,46 @@ offset_s = 0.01
 [params]
 drives = false
 """,
+    "collisions-without-slots": _COMMON
+    + _CAMERA
+    + """
+[world]
+area_m = [30.0, 30.0]
+motion = { kind = "bounce", speed_mps = 3.0 }
+[radio]
+range_m = 14.0
+bit_rate_bps = 20000
+collisions = true
+jitter_s = 0.002
+[params]
+drives = false
+[[group]]
+name = "flying"
+share = 0.5
+altitude_m = 8.0
+""",
+    "slots-of-units-drawn-each-frame-in-bursts": _COMMON
+    + _CAMERA
+    + """
+[world]
+area_m = [30.0, 30.0]
+[radio]
+range_m = 18.0
+access = "tdma"
+bit_rate_bps = 100000
+overhead_bits = 64
+loss = 0.05
+collisions = true
+bursts = { enter = 0.1, leave = 0.3, loss = 0.8 }
+tdma = { units = 4, unit_bits = 192, guard_s = 0.004, order = "drawn_each_frame" }
+[clock]
+drift_ppm = 900
+offset_s = 0.002
+[params]
+drives = false
+""",
+    "shared-slots-and-altitudes": _REPORTERS.format(reuse="distance_two", order="fixed"),
+    "slots-shared-by-too-many": _REPORTERS.format(reuse="distance_one", order="drawn_each_frame"),
     "commanded-motion": _COMMON
     + _CAMERA
     + """

@@ -55,12 +55,16 @@ def test_two_zenoh_runs_and_an_in_process_run_give_the_same_file(scenario: Path,
 
 def test_features_take_part(tmp_path: Path) -> None:
     """Guards the scenarios above: each must really use what it is there for."""
-    reasons: set[str] = set()
+    named: dict[str, set[str]] = {}
     for name, toml in SCENARIOS.items():
         path = write_scenario(tmp_path, BEHAVIOUR, toml, name)
         outcome = run_scenario(path, tmp_path / f"{name}.mcap", "in_process")
-        reasons |= set(outcome.progress.dropped)
-    assert reasons == {"out_of_range", "queue_full", "out_of_slot", "loss"}
+        named[name] = set(outcome.progress.dropped) - {"out_of_range"}
+    assert named["collisions-without-slots"] == {"collision", "half_duplex"}
+    assert {"burst", "loss"} <= named["slots-of-units-drawn-each-frame-in-bursts"]
+    assert "collision" in named["slots-shared-by-too-many"]
+    everything = {"queue_full", "out_of_slot", "loss", "half_duplex", "collision", "burst"}
+    assert set().union(*named.values()) == everything
 
 
 @pytest.mark.processes
@@ -169,8 +173,9 @@ def test_a_failed_run_leaves_the_same_log_with_either_fleet(tmp_path: Path) -> N
 
 
 @pytest.mark.processes
-def test_verify(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path, BEHAVIOUR, SCENARIOS["commanded-motion"])
+@pytest.mark.parametrize("name", ["commanded-motion", "slots-shared-by-too-many"])
+def test_verify(name: str, tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path, BEHAVIOUR, SCENARIOS[name])
     log = run_scenario(scenario, tmp_path / "log.mcap", "in_process").log
     scenario.unlink()
     (tmp_path / "my_robot.py").unlink()  # the log carries all that is needed

@@ -63,11 +63,11 @@ def reasons(medium: Medium, situation: dict[str, Any]) -> list[list[int]]:
 
 
 def expected_reason(situation: dict[str, Any], row: int, receiver: int) -> Reason:
-    """The documented order, one question after the other."""
+    """The documented order, one question after the other; times in whole milliseconds."""
     sender, robots = situation["senders"][row], situation["robots"]
     (x, y), (other_x, other_y) = situation["positions"][sender], situation["positions"][receiver]
     airtime_ms = situation["airtimes_ms"][row]
-    into_slot_ms = (situation["now_ms"] - 10 * sender) % (10 * len(robots))
+    into_slot_ms = (situation["now_ms"] - airtime_ms - 10 * sender) % (10 * len(robots))
     draw = Draws(situation["seed"], "loss").uniform(
         stable_key(robots[sender]), situation["seqs"][row], stable_key(robots[receiver])
     )
@@ -76,7 +76,7 @@ def expected_reason(situation: dict[str, Any], row: int, receiver: int) -> Reaso
         ((x - other_x) ** 2 + (y - other_y) ** 2 > 25, Reason.out_of_range),
         (situation["refused"][row], Reason.queue_full),
         (situation["tdma"] and airtime_ms > 8, Reason.too_long),
-        (situation["tdma"] and into_slot_ms + airtime_ms > 8, Reason.out_of_slot),
+        (situation["tdma"] and into_slot_ms + max(airtime_ms, 1) > 10, Reason.out_of_slot),
         (not situation["listening"][receiver], Reason.receiver_down),
         (draw < situation["loss"], Reason.loss),
     ]

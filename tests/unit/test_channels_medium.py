@@ -62,6 +62,9 @@ def test_codes_are_those_of_the_log() -> None:
         "too_long": 4,
         "loss": 5,
         "receiver_down": 6,
+        "half_duplex": 7,
+        "collision": 8,
+        "burst": 9,
         "not_a_candidate": 255,
     }
 
@@ -85,6 +88,26 @@ def test_range_is_euclidean() -> None:
     ]
 
 
+def test_range_is_three_dimensional_where_robots_have_altitudes() -> None:
+    # b is 3 m from a on the ground: 4 m higher it is at the very edge, deeper as well as higher.
+    for altitudes_m, fate in (
+        ([0.0, 4.0, 0.0, 0.0], "delivered"),
+        ([0.0, -4.0, 0.0, 0.0], "delivered"),
+        ([7.0, 11.0, 0.0, 0.0], "delivered"),
+        ([0.0, 4.001, 0.0, 0.0], "out_of_range"),
+        ([0.0, -4.001, 0.0, 0.0], "out_of_range"),
+    ):
+        radio = Medium(RadioSettings(range_m=5.0), ROBOTS, 1, altitudes_m=altitudes_m)
+        for _ in range(3):  # rows of the senders, the whole matrix, and what is remembered of it
+            assert names(transmit(radio, [0, 1]))[0][1] == fate
+            assert names(transmit(radio, [0, 1]))[1][0] == fate
+
+
+def test_at_one_altitude_range_is_what_it_is_on_the_ground() -> None:
+    high = Medium(RadioSettings(range_m=5.0), ROBOTS, 1, altitudes_m=[120.0] * 4)
+    assert names(transmit(high, [0, 1, 2, 3])) == names(transmit(medium(), [0, 1, 2, 3]))
+
+
 def test_range_follows_the_robots_and_remembers_those_that_stand() -> None:
     radio = medium()
     there, gone = LINE.copy(), LINE.copy()
@@ -104,24 +127,37 @@ def test_a_refused_message_is_heard_by_nobody_in_range() -> None:
     ]
 
 
-def test_slots_by_true_time() -> None:
+@pytest.mark.parametrize(
+    ("start_ms", "airtime_ms", "heard"),
+    [
+        (9, 1, False),  # still in the slot of a
+        (9, 2, False),
+        (10, 8, True),  # the guard is the sender's to keep, by its own clock
+        (11, 8, True),
+        (12, 8, True),
+        (13, 8, False),  # into the slot of c
+        (19, 1, True),
+        (19, 0, True),
+        (20, 0, False),
+        (49, 1, False),
+        (50, 8, True),
+        (52, 8, True),
+    ],
+)
+def test_slots_by_true_time(start_ms: int, airtime_ms: int, heard: bool) -> None:
     # Slots of 10 ms, 2 ms guard: b owns 10..20 ms of every 40 ms.
     radio = medium(access="tdma", tdma=TdmaSettings(slot_s=0.010, guard_s=0.002))
     assert list(radio.slots) == [0, 1, 2, 3]
-    heard, missed = (
-        ["delivered", ME, "delivered", "out_of_range"],
-        ["out_of_slot", ME, "out_of_slot", "out_of_range"],
-    )
-    for now_ms, airtime_ms, expected in [
-        (9, 1, missed),
-        (10, 8, heard),
-        (11, 8, missed),
-        (18, 0, heard),
-        (20, 0, missed),
-        (50, 1, heard),
-    ]:
-        fates = transmit(radio, [1], now_ns=now_ms * MS, airtimes_ns=[airtime_ms * MS])
-        assert names(fates) == [expected], now_ms
+    fates = transmit(radio, [1], now_ns=(start_ms + airtime_ms) * MS, airtimes_ns=[airtime_ms * MS])
+    fate = "delivered" if heard else "out_of_slot"
+    assert names(fates) == [[fate, ME, fate, "out_of_range"]]
+
+
+def test_a_batch_may_hold_what_began_at_different_instants() -> None:
+    # All end at 20 ms: b in time, c a whole slot early, d two.
+    radio = medium(access="tdma", tdma=TdmaSettings(slot_s=0.010), range_m=100.0)
+    fates = transmit(radio, [1, 2, 3], now_ns=20 * MS, airtimes_ns=[10 * MS, 10 * MS, 3 * MS])
+    assert [row[0] for row in names(fates)] == ["delivered", "out_of_slot", "out_of_slot"]
 
 
 def test_of_two_that_speak_at_once_only_the_owner_of_the_slot_is_heard() -> None:
@@ -138,6 +174,34 @@ def test_slots_in_drawn_order() -> None:
         fates = transmit(radio, list(range(4)), now_ns=slot * 10 * MS)
         speaks = [Reason.delivered in row for row in fates.reason]
         assert speaks == [other == robot for other in range(4)]
+
+
+def test_slots_in_an_order_drawn_for_each_frame() -> None:
+    radio = medium(access="tdma", tdma=TdmaSettings(slot_s=0.010, order="drawn_each_frame"), range_m=100.0)
+    orders = set()
+    for frame in range(12):
+        speakers = []
+        for place in range(4):
+            fates = transmit(radio, [0, 1, 2, 3], now_ns=(40 * frame + 10 * place) * MS)
+            (speaker,) = (index for index, row in enumerate(names(fates)) if "delivered" in row)
+            assert radio.place_of(speaker, (40 * frame + 10 * place) * MS) == place
+            speakers.append(speaker)
+        assert sorted(speakers) == [0, 1, 2, 3]
+        orders.add(tuple(speakers))
+    assert len(orders) > 6
+
+
+def test_robots_that_share_a_slot_are_heard_at_once() -> None:
+    radio = Medium(
+        RadioSettings(range_m=5.0, access="tdma", tdma=TdmaSettings(slot_s=0.010)),
+        ROBOTS, 1, slots=[0, 1, 2, 0],
+    )  # fmt: skip
+    assert radio.schedule is not None
+    assert radio.schedule.frame_ns == 30 * MS
+    assert [radio.place_of(robot, 0) for robot in range(4)] == [0, 1, 2, 0]
+    for now_ms, heard in ((0, [0, 3]), (10, [1]), (20, [2]), (30, [0, 3])):
+        fates = transmit(radio, [0, 1, 2, 3], now_ns=now_ms * MS)
+        assert [robot for robot, row in enumerate(names(fates)) if "delivered" in row] == heard
 
 
 def test_what_fits_no_slot_is_too_long_wherever_it_starts() -> None:
@@ -177,9 +241,9 @@ def test_loss_asks_for_sender_sequence_number_and_receiver() -> None:
             assert fates.reason[seq, receiver] == expected
 
 
-def test_delay_is_airtime_and_latency() -> None:
-    fates = transmit(medium(latency_s=0.002), [0, 1], airtimes_ns=[0, 5 * MS])
-    assert fates.delay_ns.tolist() == [[2 * MS] * 4, [7 * MS] * 4]
+def test_delay_counts_from_the_end_however_long_the_message() -> None:
+    fates = transmit(medium(latency_s=0.002), [0, 1], now_ns=9 * MS, airtimes_ns=[0, 5 * MS])
+    assert fates.delay_ns.tolist() == [[2 * MS] * 4] * 2
 
 
 def test_latency_is_never_zero() -> None:
@@ -251,6 +315,7 @@ def test_tdma_without_settings_is_refused() -> None:
         medium(access="tdma")
     assert medium().schedule is None
     assert list(medium().slots) == [0, 0, 0, 0]
+    assert medium().place_of(3, 10**12) is None
 
 
 @pytest.mark.parametrize("transmissions", [1, 2, 5])

@@ -53,7 +53,7 @@ def run_code(
     return outcome, entries
 
 
-def radio_starts(outcome: Outcome) -> list[tuple[float, str]]:
+def radio_ends(outcome: Outcome) -> list[tuple[float, str]]:
     with LogReader(outcome.log) as log:
         return [(at / MS, record["from"]) for at, record in log.records("/radio")]
 
@@ -166,13 +166,86 @@ async def main(robot):
 """,
         radio="bit_rate_bps = 1000\noverhead_bits = 12\nqueue = 3",
     )
-    assert radio_starts(outcome) == [(500.0, "a"), (500.0, "a"), (600.0, "a"), (700.0, "a")]
+    # the fourth finds three that have not left, and is refused at once
+    assert radio_ends(outcome) == [(500.0, "a"), (600.0, "a"), (700.0, "a"), (800.0, "a")]
     assert entries == [(602, "b", "number 0.."), (702, "b", "number 1.."), (802, "b", "number 2..")]
     assert outcome.progress.dropped == {"queue_full": 1}
+    with LogReader(outcome.log) as log:
+        times = [(record["seq"], record["airtime_ns"] // MS) for _, record in log.records("/radio")]
+    assert times == [(3, 0), (0, 100), (1, 100), (2, 100)]  # and never goes on the air
+
+
+def test_a_record_tells_when_a_transmission_ended_and_how_long_it_took(tmp_path: Path) -> None:
+    outcome, entries = run_code(
+        tmp_path,
+        """
+async def main(robot):
+    if robot.id == "a":
+        await asyncio.sleep(0.5)
+        robot.radio.broadcast_bytes(b"0123456789")
+    else:
+        message = await robot.radio.receive()
+        robot.log("heard", {"v": [message.raw.decode(), message.received_ns]})
+    await asyncio.sleep(10)
+""",
+        radio="bit_rate_bps = 1000\noverhead_bits = 20",
+    )
+    with LogReader(outcome.log) as log:
+        ((ended_ns, record),) = log.records("/radio")
+    assert (ended_ns, record["airtime_ns"], record["bits"]) == (600 * MS, 100 * MS, 100)
+    assert (record["delivered"], record["delay_ns"]) == (["b"], [2 * MS])
+    assert entries == [(602, "b", ["0123456789", 602 * MS])]
+
+
+def test_what_is_still_on_the_air_when_the_run_ends_reaches_nobody(tmp_path: Path) -> None:
+    code = """
+async def main(robot):
+    await asyncio.sleep(0.5)
+    if robot.id == "a":
+        robot.radio.broadcast_bytes(b"0123456789")
+        robot.radio.broadcast_bytes(b"0123456789")
+    await asyncio.sleep(10)
+"""
+    for duration, sent, unsent in ((0.57, 0, 2), (0.58, 1, 1), (0.66, 2, 0)):
+        folder = tmp_path / str(duration)
+        folder.mkdir()
+        outcome, _ = run_code(folder, code, radio="bit_rate_bps = 1000", duration=duration)
+        assert (outcome.progress.sent, outcome.progress.unsent) == (sent, unsent)
+
+
+def test_a_message_is_lost_to_whoever_ends_while_it_is_on_the_air(tmp_path: Path) -> None:
+    outcome, _ = run_code(
+        tmp_path,
+        """
+async def main(robot):
+    if robot.id == "a":
+        robot.radio.broadcast_bytes(b"0123456789")
+        await asyncio.sleep(1)
+    await asyncio.sleep(0.04)
+""",
+        radio="bit_rate_bps = 1000",
+    )
+    assert outcome.progress.dropped == {"receiver_down": 1}
+
+
+def test_a_message_outlives_its_sender(tmp_path: Path) -> None:
+    outcome, entries = run_code(
+        tmp_path,
+        """
+async def main(robot):
+    if robot.id == "a":
+        robot.radio.broadcast_bytes(b"0123456789")
+        return
+    robot.log("heard", {"v": (await robot.radio.receive()).sender})
+""",
+        radio="bit_rate_bps = 1000",
+    )
+    assert entries == [(82, "b", "a")]
+    assert outcome.progress.delivered == 1
 
 
 def test_tdma_speaks_in_its_own_slot(tmp_path: Path) -> None:
-    # 80 bits at 1000 bit/s: 80 ms in slots of 100 ms; a owns [0, 100), b [100, 200), ...
+    # 80 bits at 1000 bit/s: 80 ms in slots of 100 ms, 5 ms into them; a owns [0, 100), b [100, 200), ...
     outcome, entries = run_code(
         tmp_path,
         """
@@ -186,13 +259,13 @@ async def main(robot):
         "tdma = { slot_s = 0.1, guard_s = 0.01 }",
     )
     assert entries == [(10, "b", [True, True, False]), (30, "a", [True, True, False])]
-    assert radio_starts(outcome) == [
+    assert radio_ends(outcome) == [
         (10.0, "b"),  # refused: its queue was full
         (30.0, "a"),  # refused
-        (100.0, "b"),
-        (200.0, "a"),
-        (300.0, "b"),
-        (400.0, "a"),
+        (185.0, "b"),
+        (285.0, "a"),
+        (385.0, "b"),
+        (485.0, "a"),
     ]
     assert outcome.progress.dropped == {"queue_full": 2}
     assert outcome.progress.delivered == 4
@@ -302,6 +375,33 @@ async def main(robot):
         (2000, "a", []), (2000, "b", []),
         (3000, "a", []), (3000, "b", []),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("starts", "towards", "hears"), [(9.0, 12.0, False), (12.0, 9.0, True)])
+def test_range_is_that_at_the_end_of_a_transmission(
+    starts: float, towards: float, hears: bool, tmp_path: Path
+) -> None:
+    # b stands at 5 m and hears up to 10 m; a is there in 300 ms, and its message takes 800 ms
+    toml = TOML.format(radio="bit_rate_bps = 1000", more="", duration=2.0).replace(
+        "range_m = 20.0", "range_m = 5.0"
+    )
+    toml = toml.replace(
+        "area_m = [10.0, 10.0]",
+        'area_m = [40.0, 10.0]\nmotion = { kind = "commanded", max_speed_mps = 20.0 }',
+    )
+    toml = toml.replace("position_m = [1.0, 5.0]", f"position_m = [{starts}, 5.0]")
+    code = f"""
+import asyncio
+async def main(robot):
+    if robot.id == "a":
+        robot.body.go_to({towards}, 5.0, 10.0)
+        robot.radio.broadcast_bytes(bytes(100))
+    await asyncio.sleep(10)
+"""
+    outcome = run_scenario(write_scenario(tmp_path, code, toml), tmp_path / "log.mcap", "in_process")
+    assert (outcome.progress.delivered, outcome.progress.dropped) == (
+        (1, {}) if hears else (0, {"out_of_range": 1})
+    )
 
 
 def test_a_slow_clock_wakes_late_and_stamps_by_its_own_time(tmp_path: Path) -> None:

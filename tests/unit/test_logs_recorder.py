@@ -19,7 +19,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 
 import logs.recorder
-from channels.fates import Fates
+from channels.fates import Fates, Reason
 from channels.visual import Capture
 from logs import Attachment, LogError, sha256_of
 from logs.reader import LogReader
@@ -188,6 +188,23 @@ def test_a_transmission_is_recorded_with_its_fate_at_every_receiver_in_range(tmp
             "dropped": {"receiver_down": ["r01"], "loss": ["r02"]},
         },
     ]
+
+
+def test_every_reason_has_its_name_in_the_record_and_in_its_schema(tmp_path: Path) -> None:
+    lost = [reason for reason in Reason if reason not in UNRECORDED]
+    robots = [f"r{index:02}" for index in range(len(lost) + 1)]
+    reasons = np.array([[*lost, 255]], dtype=np.uint8)
+    with Recorder(tmp_path / "a.mcap", robots) as recorder:
+        recorder.radio_batch(0, [len(lost)], [0], [b"\xc0"], [8], [0], [9], reasons, [([], [])])
+    with LogReader(tmp_path / "a.mcap") as log:
+        ((_, record),) = log.records("/radio")
+    assert record["dropped"] == {reason.name: [robots[index]] for index, reason in enumerate(lost)}
+    assert {"half_duplex", "collision", "burst"} <= set(record["dropped"])
+    (schema,) = (json.loads(topic.schema) for topic in TOPICS if topic.name == "/radio")
+    assert list(schema["properties"]["dropped"]["properties"]) == list(record["dropped"])
+
+
+UNRECORDED = (Reason.delivered, Reason.out_of_range, Reason.not_a_candidate)
 
 
 @pytest.mark.parametrize(

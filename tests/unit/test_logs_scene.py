@@ -39,6 +39,37 @@ def test_transforms_place_every_robot_in_the_world() -> None:
     assert np.allclose(turned, [(0, 0, 0, 1), (0, 0, half, half), (0, 0, 1, 0)], atol=1e-7)
 
 
+def test_robots_with_altitudes_are_shown_at_them() -> None:
+    heights = [0.0, 12.5, -3.0]
+    encoder = SceneEncoder(ROBOTS, (10.0, 20.0), heights)
+    flat = FrameTransforms.FromString(scene().transforms(S, POSES))
+    high = FrameTransforms.FromString(encoder.transforms(S, POSES))
+    assert [transform.translation.z for transform in high.transforms] == heights
+    for one, other in zip(flat.transforms, high.transforms, strict=True):
+        assert one.translation.z == 0.0
+        other.translation.z = 0.0  # and nothing else is different
+        assert one == other
+    cloud = PointCloud.FromString(encoder.lights(S, POSES, np.array([0, 1, 2], dtype=np.uint8)))
+    on_ground = PointCloud.FromString(scene().lights(S, POSES, np.array([0, 1, 2], dtype=np.uint8)))
+    layout = [("xyz", "<f4", 3), ("rgba", "u1", 4)]
+    above = [np.frombuffer(message.data, dtype=layout)["xyz"] for message in (cloud, on_ground)]
+    assert np.allclose(above[0] - above[1], [[0, 0, height] for height in heights], atol=1e-5)
+    links = np.zeros((3, 3), dtype=bool)
+    links[0, 1] = True
+    (entity,) = SceneUpdate.FromString(encoder.links(S, POSES, links)).entities
+    points = [(point.x, point.y, point.z) for point in entity.lines[0].points]
+    assert points == [(0, 0, 0.0), (1.5, -2.25, 12.5), (3, 4, -3.0)]
+
+
+def test_altitudes_reach_the_log(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.mcap", ROBOTS, altitudes_m=[1.0, 2.0, 3.0]) as recorder:
+        recorder.scene(0, POSES, np.zeros(3, dtype=np.uint8))
+    with LogReader(tmp_path / "a.mcap") as log:
+        ((_, _, _, data),) = log.raw({"/tf"})
+    heights = [transform.translation.z for transform in FrameTransforms.FromString(data).transforms]
+    assert heights == [1.0, 2.0, 3.0]
+
+
 def test_transforms_notice_a_pose_written_in_place() -> None:
     encoder, poses = scene(), POSES.copy()
     first = encoder.transforms(0, poses)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
+from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from agent.drivers.camera import Frame
 from agent.outbox import Outbox, TooMuchAtOnce
-from agent.radio import MessageTooLong, Radio, SlotAccess
+from agent.radio import MessageTooLong, Radio, Slot, SlotAccess
 from agent.robot import Observation, Robot
 from channels.messages import (
     MAX_TRANSMISSIONS,
@@ -26,6 +28,7 @@ from channels.messages import (
     encode,
     encode_payload,
 )
+from channels.tdma import Schedule
 
 MS = 1_000_000
 TDMA = RadioPlan(
@@ -41,17 +44,24 @@ class AtZero:
 
 
 def test_messages_fill_own_slots_in_order() -> None:
-    # the second of three slots of 100 ms, of which 10 ms are guard; one byte takes 8 ms
+    # the second of three slots of 100 ms, of which the first and last 5 are guard; one byte takes 8 ms
     access = SlotAccess(TDMA)
     starts = [access.start(0, size) for size in (5, 5, 5)]
-    assert [start // MS for start in starts if start is not None] == [100, 140, 400]
+    assert starts == [105 * MS, 145 * MS, 405 * MS]
     assert access.start(0, 1) is None  # three are waiting
-    assert access.start(141 * MS, 1) == 440 * MS  # the first has left
+    assert access.start(145 * MS - 1, 1) is None
+    assert access.start(145 * MS, 1) == 445 * MS  # the first has left
 
 
 def test_a_message_handed_over_inside_the_slot_goes_at_once_if_it_still_fits() -> None:
-    assert SlotAccess(TDMA).start(150 * MS, 5) == 150 * MS  # ends at 190, where the guard begins
-    assert SlotAccess(TDMA).start(151 * MS, 5) == 400 * MS
+    assert SlotAccess(TDMA).start(155 * MS, 5) == 155 * MS  # ends at 195, where the guard begins
+    assert SlotAccess(TDMA).start(155 * MS + 1, 5) == 155 * MS + 1  # one nanosecond is forgiven
+    assert SlotAccess(TDMA).start(155 * MS + 2, 5) == 405 * MS
+
+
+def test_a_message_handed_over_in_the_guard_waits_until_it_is_over() -> None:
+    assert SlotAccess(TDMA).start(101 * MS, 5) == 105 * MS
+    assert SlotAccess(TDMA).start(196 * MS, 0) == 405 * MS
 
 
 def test_what_fits_no_slot_is_refused_at_once() -> None:
@@ -59,7 +69,83 @@ def test_what_fits_no_slot_is_refused_at_once() -> None:
         MessageTooLong, match=r"a message of 12 bytes takes 0\.096 s on the air and does not fit"
     ):
         SlotAccess(TDMA).start(0, 12)
-    assert SlotAccess(TDMA).start(0, 11) == 100 * MS
+    assert SlotAccess(TDMA).start(0, 11) == 105 * MS
+
+
+def test_own_slots_one_after_the_other() -> None:
+    access = SlotAccess(TDMA)
+    first = access.next_slot(0)
+    assert first == Slot(0, 105 * MS, 11)  # 90 ms at 1000 bit/s are 90 bits
+    assert access.next_slot(105 * MS) == first
+    assert access.next_slot(105 * MS + 1) == Slot(1, 405 * MS, 11)
+    assert access.next_slot(3000 * MS) == Slot(10, 3105 * MS, 11)
+
+
+def test_slots_of_frames_in_an_order_of_their_own() -> None:
+    plan = msgspec.structs.replace(TDMA, order_key=7)
+    schedule = Schedule(plan.slot_ns, plan.guard_ns, plan.slots, 7)
+    access, after_ns = SlotAccess(plan), 0
+    for frame in range(50):
+        slot = access.next_slot(after_ns)
+        assert slot.frame == frame
+        assert slot.start_ns == (300 * frame + 100 * schedule.place(1, frame) + 5) * MS
+        after_ns = slot.start_ns + 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "capacity"),
+    [
+        ({}, 11),
+        ({"max_payload_bytes": 10}, 10),
+        ({"guard_ns": 0}, 12),
+        ({"guard_ns": 4 * MS}, 12),
+        ({"guard_ns": 4 * MS + 1}, 11),
+        ({"overhead_bits": 2}, 11),
+        ({"overhead_bits": 3}, 10),
+        ({"overhead_bits": 90}, 0),
+        ({"overhead_bits": 1000}, 0),
+        ({"bit_rate_bps": None}, 100),
+    ],
+)
+def test_a_slot_says_how_much_it_holds(changes: dict[str, Any], capacity: int) -> None:
+    access = SlotAccess(msgspec.structs.replace(TDMA, **changes))
+    assert access.next_slot(0).bytes == capacity
+    if capacity > 0 and "max_payload_bytes" not in changes and "bit_rate_bps" not in changes:
+        assert access.start(0, capacity) is not None
+        with pytest.raises(MessageTooLong):
+            access.start(0, capacity + 1)
+
+
+def test_without_slots_there_are_none() -> None:
+    with pytest.raises(RuntimeError, match=r'the radio has no slots; set radio.access = "tdma"'):
+        Radio(RadioPlan(4, 0, None, 1), Outbox(), AtZero()).slots()
+
+
+def test_bytes_go_on_the_air_as_they_are() -> None:
+    outbox = Outbox()
+    radio = Radio(RadioPlan(4, 0, None, 1), outbox, AtZero())
+    assert radio.broadcast_bytes(b"\xc1\x00\xff\x01")  # no msgpack begins with 0xc1
+    assert radio.broadcast_bytes(b"")
+    assert [(sent.start_ns, sent.payload) for sent in outbox.transmissions] == [
+        (0, b"\xc1\x00\xff\x01"),
+        (0, b""),
+    ]
+    with pytest.raises(MessageTooLong, match="a payload of 5 bytes"):
+        radio.broadcast_bytes(b"12345")
+
+
+def test_a_full_queue_refuses_and_says_so() -> None:
+    outbox = Outbox()
+    radio = Radio(TDMA, outbox, AtZero())
+    assert [radio.broadcast_bytes(b"12345") for _ in range(4)] == [True, True, True, False]
+    assert [sent.refused for sent in outbox.transmissions] == [False, False, False, True]
+
+
+def test_a_robot_knows_its_place_in_the_team() -> None:
+    hello = Hello("r07", "", {}, 0, 0, (1.0, 2.0, 0.5), TDMA, 2, number=7, team=9, altitude_m=30.5)
+    own = Robot(hello, Outbox(), AtZero())
+    assert (own.number, own.team_size, own.body.altitude_m) == (7, 9, 30.5)
+    assert tuple(own.body.pose) == (1.0, 2.0, 0.5)
 
 
 def test_limits_of_broadcast() -> None:

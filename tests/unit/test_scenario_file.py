@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from channels.settings import BurstSettings, TdmaSettings, payload_limit
 from emulator.errors import RunFailed, UserError
 from emulator.scenario import BounceMotion, Scenario, StaticMotion, resolved_json, team
 from emulator.scenario_file import from_resolved, load, shipped
@@ -28,6 +29,7 @@ list = [1]
 table = { a = 1 }
 """
 SLOTTED = 'range_m = 16.0\naccess = "tdma"'
+RATED = f"{SLOTTED}\nbit_rate_bps = 3000"
 
 
 @pytest.fixture(autouse=True)
@@ -220,14 +222,103 @@ TOO_SHORT = (
         (
             "range_m = 16.0",
             SLOTTED,
-            'radio.tdma: access = "tdma" needs slots; add [radio.tdma] with slot_s',
+            'radio.tdma: access = "tdma" needs slots; add [radio.tdma] with slot_s, or with units and '
+            "unit_bits",
         ),
         (
             "range_m = 16.0",
             SLOTTED + "\ntdma = { slot_s = 1 }",
             'radio.bit_rate_bps: access = "tdma" needs a bit rate, or messages would take no time; add one',
         ),
-        ("range_m = 16.0", SLOTTED + "\nbit_rate_bps = 3000\ntdma = { slot_s = 0.001 }", TOO_SHORT),
+        ("range_m = 16.0", f"{RATED}\ntdma = {{ slot_s = 0.001 }}", TOO_SHORT),
+        (
+            "range_m = 16.0",
+            f"{RATED}\nmax_payload_bytes = 3\ntdma = {{ slot_s = 0.1, guard_s = 0.2 }}",
+            "radio.tdma.slot_s: a slot of 0.1 s is too short for one message of 3 bytes with a guard of 0.2 s "
+            "(needs at least 0.208 s at 3000 bit/s); lengthen the slot, raise bit_rate_bps or lower "
+            "max_payload_bytes",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{}}",
+            "missing key radio.tdma.slot_s: give the length of a slot, or what it carries as radio.tdma.units "
+            "and radio.tdma.unit_bits",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{ unit_bits = 192 }}",
+            "missing key radio.tdma.slot_s: give the length of a slot, or what it carries as radio.tdma.units "
+            "and radio.tdma.unit_bits",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{ units = 3, slot_s = 3 }}",
+            "radio.tdma.units: radio.tdma.slot_s sets the length of a slot as well; keep one of them",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{ units = 3 }}",
+            "missing key radio.tdma.unit_bits: say how many bits a unit has",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{ units = 3, unit_bits = 192 }}\nmax_payload_bytes = 73",
+            "radio.max_payload_bytes: is 73, and 3 units of 192 bits hold no more than 72 bytes; leave it out, "
+            "or set more units",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{ units = 1, unit_bits = 7 }}",
+            "radio.tdma.units: 1 units of 7 bits hold no whole byte; set more or larger ones",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{ units = 1000000000000, unit_bits = 192 }}",
+            "radio.tdma.units: make a slot that lasts longer than any run; set fewer",
+        ),
+        (
+            "range_m = 16.0",
+            f"{RATED}\ntdma = {{ units = 0, unit_bits = 192 }}",
+            "radio.tdma.units: must be a whole number of at least 1, is 0",
+        ),
+        (
+            "range_m = 16.0",
+            f'{RATED}\ntdma = {{ slot_s = 3, reuse = "distance_too" }}',
+            'radio.tdma.reuse: must be "distance_one" or "distance_two" or "none", is "distance_too"; did you '
+            "mean distance_two?",
+        ),
+        (
+            "range_m = 16.0",
+            f'{RATED}\ntdma = {{ slot_s = 3, order = "drawn_every_frame" }}',
+            'radio.tdma.order: must be "drawn" or "drawn_each_frame" or "fixed", is "drawn_every_frame"; did '
+            "you mean drawn_each_frame?",
+        ),
+        (
+            "range_m = 16.0",
+            "range_m = 16.0\nbursts = { enter = 0.6, leave = 0.5 }",
+            "radio.bursts.enter: is 0.6 and radio.bursts.leave 0.5, together more than 1, which no burst can "
+            "be like; lower one of them",
+        ),
+        (
+            "range_m = 16.0",
+            "range_m = 16.0\nbursts = { enter = 0, leave = 0.5 }",
+            "radio.bursts.enter: must be a number greater than 0 and at most 1, is 0",
+        ),
+        (
+            "range_m = 16.0",
+            "range_m = 16.0\ncollisions = true",
+            "radio.collisions: needs a bit rate: messages that take no time cannot overlap; set radio.bit_rate_bps",
+        ),
+        (
+            "range_m = 16.0",
+            "range_m = 16.0\nbursts = { enter = 0.1 }",
+            "missing key radio.bursts.leave: must be a number greater than 0 and at most 1",
+        ),
+        (
+            "range_m = 16.0",
+            "range_m = 16.0\ncollisions = 1",
+            "radio.collisions: must be true or false, is 1",
+        ),
         (
             "range_m = 16.0",
             "range_m = 16.0\nbit_rate_bps = 1e-9",
@@ -260,6 +351,40 @@ def test_the_slot_that_is_asked_for_is_long_enough() -> None:
     assert loaded(text).radio.tdma is not None
     with_guard = text.replace("2.730667 }", "2.730667, guard_s = 0.001 }")
     assert "with a guard of 0.001 s (needs at least 2.731667 s" in complaint(with_guard)
+
+
+@pytest.mark.parametrize("more", ["", ", guard_s = 0.01", ', order = "drawn_each_frame"'])
+def test_slots_of_units_need_no_limit_of_payloads(more: str) -> None:
+    text = edited(
+        "range_m = 16.0", f"{RATED}\noverhead_bits = 40\ntdma = {{ units = 3, unit_bits = 192{more} }}"
+    )
+    radio = loaded(text).radio
+    assert (radio.max_payload_bytes, payload_limit(radio)) == (None, 72)
+    lower = loaded(text, "radio.max_payload_bytes=72").radio
+    assert payload_limit(lower) == 72
+    again = from_resolved(resolved_json(loaded(text)), Path.cwd())
+    assert again.radio == radio
+
+
+@pytest.mark.parametrize(("enter", "leave"), [(0.3, 0.7), (0.1, 0.9), (1e-9, 1 - 1e-9), (0.43, 0.57)])
+def test_bursts_that_just_can_be(enter: float, leave: float) -> None:
+    text = edited("range_m = 16.0", f"range_m = 16.0\nbursts = {{ enter = {enter}, leave = {leave} }}")
+    assert loaded(text).radio.bursts == BurstSettings(enter, leave)
+
+
+def test_altitudes_of_robots_and_of_groups() -> None:
+    group = '[[group]]\nname = "flying"\nrobots = 3\naltitude_m = 30\n'
+    own = '[[robot]]\nid = "r01"\naltitude_m = 0\n[[robot]]\nid = "r02"\naltitude_m = -2.5\n'
+    scenario = loaded(BASE + group + own)
+    assert [spec.altitude_m for spec in team(scenario)] == [30.0, 0.0, -2.5]
+    again = from_resolved(resolved_json(scenario), scenario.folder)
+    assert team(again) == team(scenario)
+    assert resolved_json(again) == resolved_json(scenario)
+    assert [spec.altitude_m for spec in team(loaded(BASE))] == [0.0] * 3
+    assert complaint(BASE + own, "robot.r01.altitude_m=up") == (
+        '--set robot.r01.altitude_m=up: must be a number of metres from -10000000 to 10000000, is "up"; write '
+        "the bare number"
+    )
 
 
 def test_slots_are_not_checked_without_tdma() -> None:
@@ -382,7 +507,7 @@ def test_files_that_cannot_be_read() -> None:
         (
             "radio.access=tdma",
             'x.toml with --set radio.access=tdma: radio.tdma: access = "tdma" needs slots; add [radio.tdma] '
-            "with slot_s",
+            "with slot_s, or with units and unit_bits",
         ),
         ("params.trys=3", "--set: unknown key params.trys, did you mean tries?"),
         ("params.table.b=3", "--set: unknown key params.table.b, possible are a"),
@@ -425,7 +550,7 @@ def test_overrides_of_a_robots_table() -> None:
         ("robot.r01.params.tries=b", '--set: robot.r01.params.tries: must be a whole number like the 9 in the file, is "b"'),
         ("robot.r01.params.tries.x=1", "--set: unknown key robot.r01.params.tries.x, nothing can be set there"),
         ("robot.r01.heading_rad.x=1", "--set: robot.r01.heading_rad: holds no keys that could be set singly; set it as a whole"),
-        ("robot.r01=1", "--set: robot.r01: is a table; set its keys singly, possible are behaviour, heading_rad, id, params, position_m, velocity_mps"),
+        ("robot.r01=1", "--set: robot.r01: is a table; set its keys singly, possible are altitude_m, behaviour, heading_rad, id, params, position_m, velocity_mps"),
     ],
 )  # fmt: skip
 def test_mistaken_overrides_of_a_robots_table(override: str, expected: str) -> None:
@@ -498,6 +623,15 @@ def test_area_and_neighbours_take_each_others_place() -> None:
     assert (
         loaded(edited("area_m = [20, 10]", "neighbours = 2"), "world.area_m=[1, 1]").world.neighbours is None
     )
+
+
+def test_units_and_lengths_of_slots_take_each_others_place() -> None:
+    lasting = edited("range_m = 16.0", f"{RATED}\ntdma = {{ slot_s = 3 }}")
+    holding = edited("range_m = 16.0", f"{RATED}\ntdma = {{ units = 3, unit_bits = 192 }}")
+    one = loaded(lasting, "radio.tdma.units=2", "radio.tdma.unit_bits=80").radio.tdma
+    assert one == TdmaSettings(units=2, unit_bits=80)
+    other = loaded(holding, "radio.tdma.slot_s=4").radio.tdma
+    assert other == TdmaSettings(slot_s=4.0, unit_bits=192)
 
 
 def test_overrides_leave_the_text_alone() -> None:

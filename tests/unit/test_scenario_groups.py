@@ -289,7 +289,7 @@ def complaint(text: str, *overrides: str) -> str:
     ("old", "new", "expected"),
     [
         ("share = 0.25", "shar = 0.25", "unknown key group.mobile.shar, did you mean share?"),
-        ("share = 0.25", "colour = 1", "unknown key group.mobile.colour, possible are behaviour, name, params, placement, robots, share, speed_mps"),
+        ("share = 0.25", "colour = 1", "unknown key group.mobile.colour, possible are altitude_m, behaviour, name, params, placement, robots, share, speed_mps"),
         ("share = 0.25", "", "missing key group.mobile.robots: say how many robots it has, or group.mobile.share instead"),
         ("share = 0.25", "share = 0.25\nrobots = 3", "group.mobile.share: group.mobile.robots sets its size as well; keep one of them"),
         ("share = 0.25", "share = 25", "group.mobile.share: must be a number from 0 to 1, is 25"),
@@ -353,7 +353,7 @@ def test_a_group_may_be_given_a_param_that_all_have() -> None:
         ("group.mobile.robots=13", "x.toml with --set group.mobile.robots=13: group: needs 13 robots (mobile 13), the team has 12; make a group smaller"),
         ("group.mobile.params.drop=1", "--set: unknown key group.mobile.params.drop, did you mean drop_time?"),
         ("group.mobile.params.drop_time=a", '--set: group.mobile.params.drop_time: must be a whole number like the 20 in the file, is "a"'),
-        ("group.mobile=1", "--set: group.mobile: is a table; set its keys singly, possible are behaviour, name, params, placement, robots, share, speed_mps"),
+        ("group.mobile=1", "--set: group.mobile: is a table; set its keys singly, possible are altitude_m, behaviour, name, params, placement, robots, share, speed_mps"),
         ("group=1", "--set group=1: must be [[group]] tables, is 1"),
         ("world.motion.kind=static", 'x.toml with --set world.motion.kind=static: group.mobile.speed_mps: only robots that bounce have one; set world.motion.kind to "bounce", or leave it out'),
     ],

@@ -1,0 +1,1 @@
+"""State estimates across the team: studies, scores and figures (Julian et al. 2009)."""
