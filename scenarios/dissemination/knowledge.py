@@ -88,7 +88,9 @@ class History(NamedTuple):
 
 
 def read(log: LogReader) -> History:
-    """Everything scoring needs, read once. Raises ValueError for a log that does not name its team."""
+    """Everything scoring needs, read once. Raises ValueError for a log that does not say what was run."""
+    if "resolved" not in log.run:
+        raise ValueError(f"{log.path}: does not say what was run; record the run again")
     truth: list[Record] = list(log.records("/truth"))
     robots = team_of(truth)
     end_ns = int((log.result or {}).get("virtual_ns", log.end_ns))
@@ -98,7 +100,7 @@ def read(log: LogReader) -> History:
         truth=truth,
         ended_ns=_ended(log, robots, end_ns),
         end_ns=end_ns,
-        settings=orjson.loads(log.run.get("resolved", "{}")),
+        settings=orjson.loads(log.run["resolved"]),
     )
 
 

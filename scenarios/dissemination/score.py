@@ -227,9 +227,12 @@ def costs(history: History, slots: Slots | None) -> dict[str, Any]:
     """
     overhead = int(history.settings["radio"].get("overhead_bits", 0))
     frames = 0 if slots is None else history.end_ns // slots.frame_ns
+    sent: list[list[Transmission]] = [[] for _ in history.robots]
+    for one in history.transmissions:
+        sent[one.sender].append(one)
     per_robot = {
-        name: _costs([one for one in history.transmissions if one.sender == number], slots, frames, overhead)
-        for number, name in enumerate(history.robots)
+        name: _costs(of_robot, slots, frames, overhead)
+        for name, of_robot in zip(history.robots, sent, strict=True)
     }
     return {key: _total([costs[key] for costs in per_robot.values()]) for key in _COSTS} | {
         "per_robot": per_robot
@@ -261,10 +264,10 @@ def _total(values: Sequence[int | None]) -> int | None:
 
 def _units(radio: RadioSettings, slot_ns: int) -> int | None:
     tdma = radio.tdma
+    if tdma is not None and tdma.units is not None:
+        return tdma.units
     if tdma is None or radio.bit_rate_bps is None:
         return None
-    if tdma.units is not None:
-        return tdma.units
     bits = bits_within(slot_ns - to_ns(tdma.guard_s), radio.bit_rate_bps) - radio.overhead_bits
     return max(bits // ESTIMATE_BITS, 0)
 

@@ -297,7 +297,7 @@ def test_placements_are_connected_unless_all_are_wanted() -> None:
     assert any((of_one < 0).any() for of_one in hops)
 
 
-def run(samples: int = 20, **changed: Any) -> dict[str, Any]:
+def run(samples: int = 12, **changed: Any) -> dict[str, Any]:
     return run_study(STUDY, AgeParameters(duration=120.0, **changed), samples=samples, jobs=1)
 
 

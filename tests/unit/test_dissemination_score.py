@@ -19,6 +19,7 @@ from emulator.run import Options
 from emulator.run import run as run_scenario
 from emulator.scenario_file import load
 from logs.reader import LogReader
+from logs.recorder import Recorder
 from scenarios.coverage.cost import cost
 from scenarios.coverage.score import coverage
 from scenarios.coverage.score import score as score_coverage
@@ -529,6 +530,15 @@ def test_coverage_of_a_run(tmp_path: Path) -> None:
     assert found["coverage"]["mean_first_40_s"] is None
     assert found["slots_missed"] == 0
     assert found["slots_used"] == 9 * int(10 / (9 * found["slot_s"]))
+
+
+def test_a_log_that_does_not_say_what_was_run(tmp_path: Path) -> None:
+    Recorder(tmp_path / "bare.mcap", NAMES).finish({})
+    with (
+        LogReader(tmp_path / "bare.mcap") as log,
+        pytest.raises(ValueError, match="does not say what was run"),
+    ):
+        read(log)
 
 
 def test_transmissions_are_read_by_number() -> None:
