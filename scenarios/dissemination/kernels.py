@@ -16,6 +16,11 @@ For one robot (rows of the team's arrays; n robots, F: float64, I: int64):
   news I[>= a, >= k]) -> bool`: a whole packet at all its receivers. A call costs as much as ten estimates:
   prefer this one in loops that count.
 
+For a whole team:
+
+- `propagate(...)`: slot after slot until parts of the team know of each other, for `study_propagation`;
+- `talk(...)`: slot after slot, with every update noted, for `study_age`.
+
 Time stamps are whole numbers of 0 or more, in any unit; `UNKNOWN` where there is none. The caller keeps the
 own one, `stamps[own, own]`, and freezes the packet: it copies the stamps of what was chosen at the start
 of the slot, and hands them to `receive` at its end. Where one robot at a time transmits, nothing changes
@@ -39,6 +44,7 @@ from agent.behaviours.dissemination.selection import MIN_DISTANCE_M
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 F = TypeVar("F", bound=Callable[..., Any])
 
 UNKNOWN = -1
@@ -339,3 +345,43 @@ def _note(
                 missing[part] -= both and news[a, k] == 2
         if missing[part] == 0:
             done[part] = now
+
+
+@compiled
+def talk(
+    rule: Ints,
+    links: Bools,
+    distances: Floats,
+    importance: Floats,
+    stamps: Ints,
+    counters: Floats,
+    last: Ints,
+    senders: Ints,
+    draws: Floats,
+    found: Ints,
+) -> int:
+    """How many updates there were: rows of `found`, receiver, origin, slots until reception, until the stamp.
+
+    Stamps are whole slots, `senders` those who transmit in each.
+    """
+    robots = len(distances)
+    chosen = np.empty(robots, dtype=np.int64)
+    weights = np.empty(robots)
+    rows = 0
+    for slot in range(senders.size):
+        sender = senders[slot]
+        stamps[sender, sender] = slot
+        count = choose(
+            rule, sender, distances[sender], importance[sender], stamps[sender], counters[sender], last,
+            draws[slot], weights, chosen,
+        )  # fmt: skip
+        for receiver in range(robots):
+            if not links[sender, receiver]:
+                continue
+            for number in chosen[:count]:
+                stamp = stamps[sender, number]
+                if receive(rule, receiver, number, stamp, stamps, counters) != 0:
+                    found[rows, 0], found[rows, 1] = receiver, number
+                    found[rows, 2], found[rows, 3] = slot + 1, stamp
+                    rows += 1
+    return rows

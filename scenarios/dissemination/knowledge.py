@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ def read(log: LogReader) -> History:
     end_ns = int((log.result or {}).get("virtual_ns", log.end_ns))
     return History(
         robots=robots,
-        transmissions=transmissions(log.records("/radio"), robots),
+        transmissions=transmissions(log.records("/radio"), robots, _joined(log)),
         truth=truth,
         ended_ns=_ended(log, robots, end_ns),
         end_ns=end_ns,
@@ -112,10 +113,13 @@ def team_of(truth: Iterable[Record]) -> list[str]:
     raise ValueError("/truth: holds no record of the start, so nobody knows the team; record the run again")
 
 
-def transmissions(radio: Iterable[Record], robots: Sequence[str]) -> list[Transmission]:
+def transmissions(
+    radio: Iterable[Record], robots: Sequence[str], joined_ns: Mapping[str, int] = MappingProxyType({})
+) -> list[Transmission]:
     """All records of /radio, whose log time is the end of the transmission.
 
-    A packet that robots refuse (`wire.PacketError`) carries no estimates.
+    A packet that robots refuse (`wire.PacketError`) carries no estimates. `joined_ns`: when robots that came
+    late began; what they had received before, they threw away.
     """
     number = {name: place for place, name in enumerate(robots)}
     wire = Wire(TangentPlane((0.0, 0.0)), len(robots))
@@ -128,10 +132,19 @@ def transmissions(radio: Iterable[Record], robots: Sequence[str]) -> list[Transm
             bits=record["bits"],
             refused=any(reason in record["dropped"] for reason in REFUSED),
             estimates=_estimates(record["payload"], wire),
-            receivers=[number[name] for name in record["delivered"]],
-            received_ns=[time_ns + delay_ns for delay_ns in record["delay_ns"]],
+            receivers=[number[name] for name, _ in heard],
+            received_ns=[received_ns for _, received_ns in heard],
         )
         for time_ns, record in radio
+        for heard in [_heard_by(time_ns, record, joined_ns)]
+    ]
+
+
+def _heard_by(time_ns: int, record: Mapping[str, Any], joined_ns: Mapping[str, int]) -> list[tuple[str, int]]:
+    """Who has heard a transmission, and when; who had not joined yet has thrown it away."""
+    heard = zip(record["delivered"], record["delay_ns"], strict=True)
+    return [
+        (name, time_ns + delay_ns) for name, delay_ns in heard if time_ns + delay_ns > joined_ns.get(name, -1)
     ]
 
 
@@ -191,6 +204,12 @@ def _made(sent: Sequence[Transmission], origin: Ints, stamp_ms: Ints) -> Ints:
                 first.setdefault(number * _STAMPS + stamp, one.start_ns)
     keys = (origin * _STAMPS + stamp_ms).tolist()
     return _ints(first.get(key, -1) for key in keys)
+
+
+def _joined(log: LogReader) -> dict[str, int]:
+    return {
+        record["robot"]: time_ns for time_ns, record in log.records("/robot") if record["entry"] == "joined"
+    }
 
 
 def _ended(log: LogReader, robots: Sequence[str], end_ns: int) -> list[int]:

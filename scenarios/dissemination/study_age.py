@@ -24,12 +24,10 @@ from agent.behaviours.dissemination.selection import MOST_ALPHA
 from scenarios.dissemination.kernels import (
     PROBABILISTIC,
     Team,
-    choose,
-    compiled,
     fresh_team,
     importances,
-    receive,
     rule,
+    talk,
 )
 from scenarios.dissemination.score_age import Around, Updates, Window, around, summary
 from scenarios.study import Study, mean_and_error
@@ -203,7 +201,7 @@ def updates(parameters: AgeParameters, placement: Placement, chance: np.random.G
     code = rule(parameters.scheme, parameters.m, parameters.new_estimates)
     picks = min(parameters.m, robots) - 1 if code[0] == PROBABILISTIC else 0
     found = np.empty((slots * min(parameters.m, robots) * (robots - 1), 4), dtype=np.int64)
-    count = _talk(code, where.hops[0] == 1, distances, importance, *_arrays(fresh_team(robots)),
+    count = talk(code, where.hops[0] == 1, distances, importance, *_arrays(fresh_team(robots)),
                   orders.ravel()[:slots], chance.random((slots, picks)), found)  # fmt: skip
     return _sorted(found[:count], parameters.slot_s)
 
@@ -227,46 +225,6 @@ def _sorted(found: Ints, slot_s: float) -> Updates:
 
 def _arrays(team: Team) -> tuple[Ints, Floats, Ints]:
     return team.stamps, team.counters, team.last
-
-
-@compiled
-def _talk(
-    rule: Ints,
-    links: Bools,
-    distances: Floats,
-    importance: Floats,
-    stamps: Ints,
-    counters: Floats,
-    last: Ints,
-    senders: Ints,
-    draws: Floats,
-    found: Ints,
-) -> int:
-    """How many updates there were: rows of `found`, receiver, origin, slots until reception, until the stamp.
-
-    Stamps are whole slots, `senders` those who transmit in each.
-    """
-    robots = len(distances)
-    chosen = np.empty(robots, dtype=np.int64)
-    weights = np.empty(robots)
-    rows = 0
-    for slot in range(senders.size):
-        sender = senders[slot]
-        stamps[sender, sender] = slot
-        count = choose(
-            rule, sender, distances[sender], importance[sender], stamps[sender], counters[sender], last,
-            draws[slot], weights, chosen,
-        )  # fmt: skip
-        for receiver in range(robots):
-            if not links[sender, receiver]:
-                continue
-            for number in chosen[:count]:
-                stamp = stamps[sender, number]
-                if receive(rule, receiver, number, stamp, stamps, counters) != 0:
-                    found[rows, 0], found[rows, 1] = receiver, number
-                    found[rows, 2], found[rows, 3] = slot + 1, stamp
-                    rows += 1
-    return rows
 
 
 # --- placements ----------------------------------------------------------------------------------

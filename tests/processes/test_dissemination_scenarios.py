@@ -99,15 +99,16 @@ def test_losses_make_estimates_older(undisturbed: dict[str, Any]) -> None:
 
 def test_the_estimate_of_a_dead_robot_grows_old_with_everybody(undisturbed: dict[str, Any]) -> None:
     dying = aged(dying=1)
-    # One in nine estimates, and in the second half of the run: 120 s / 9 / 4 of a second, more or less.
-    assert 2 < dying["age_s"] - undisturbed["age_s"] < 5
+    # For 60 of 120 s its age at 8 others rises to 60 s, and it has no estimates itself: 8 * 60 * 30 pair
+    # seconds squared, of 72 * 120 - 8 * 60 pair seconds.
+    assert dying["age_s"] - undisturbed["age_s"] == pytest.approx(8 * 60 * 30 / (72 * 120 - 8 * 60), abs=0.5)
     assert dying["slots_missed"] == pytest.approx(1 / 18, abs=0.01)
 
 
 def test_who_joins_late_is_unknown_until_then(undisturbed: dict[str, Any]) -> None:
     late = aged(late=2)
     # Half of the time, of 72 ordered pairs, 30 have one of the two in them.
-    assert late["unknown_part"] - undisturbed["unknown_part"] == pytest.approx(0.5 * 30 / 72, abs=0.1)
+    assert late["unknown_part"] - undisturbed["unknown_part"] == pytest.approx(0.5 * 30 / 72, abs=0.05)
     assert late["slots_missed"] == pytest.approx(2 / 18, abs=0.02)
 
 

@@ -9,8 +9,8 @@ place by number, for new_estimates = "true-distance"; `origin_deg` ([0.0, 0.0]):
 the world's (0, 0); `joins_s` (0) and `leaves_s` (never): when the robot begins and when it ends.
 
 Logs `dissemination` in every own slot: `frame`, `sent` (numbers, in order), `stamps_ms` (one per robot by
-number, of what is known as the slot begins; null: unknown), `complete`: whether all are known; and `refused
-packet` with what was wrong with one that is none.
+number, of what is known as the slot begins; null: unknown), `complete`: whether all are known; `joined`,
+when it does so late; and `refused packet` with what was wrong with one that is none.
 """
 
 from __future__ import annotations
@@ -131,6 +131,7 @@ async def present(robot: Robot, work: Callable[[], Awaitable[None]]) -> None:
     if joins_s > robot.now_s:
         await asyncio.sleep(joins_s - robot.now_s)
         robot.radio.received()
+        robot.log("joined", {})
     try:
         async with asyncio.timeout_at(leaves_s) as presence:
             await work()
