@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any
 
 from channels.units import to_s
@@ -49,13 +50,18 @@ def _flat(score: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     rows: dict[str, str] = {}
     for key, value in score.items():
         name = f"{prefix}{key}"
+        if isinstance(value, list) and value and all(isinstance(item, Mapping) for item in value):
+            value = dict(enumerate(value, 1))
         if not isinstance(value, Mapping):
             rows[name] = _shown(value)
             continue
         plain = [f"{inner} {_shown(item)}" for inner, item in value.items() if not _nested(item)]
         if plain or not value:
             rows[name] = _cut(plain)
-        rows |= _flat({inner: item for inner, item in value.items() if _nested(item)}, f"{name}.")
+        nested = {inner: item for inner, item in value.items() if _nested(item)}
+        rows |= _flat(dict(islice(nested.items(), MAX_ITEMS)), f"{name}.")
+        if len(nested) > MAX_ITEMS:
+            rows[f"{name}. ..."] = f"({len(nested)})"
     return rows
 
 

@@ -78,8 +78,8 @@ def score_history(history: History) -> dict[str, Any]:
       most that range. Places of robots that move are
       looked at once a second.
     - `unexplained`: estimates of unknown age, see `knowledge.Knowledge`.
-    - `bytes_sent` (payload), `estimates_sent`, `slots_used`, `slots_missed`: see `costs`; `per_robot`: the
-      same for each.
+    - `bytes_sent` (payload), `estimates_sent`, `slots_used`, `slots_missed`: see `costs`; `per_robot`: each
+      of these by robot.
     """
     slots = slots_of(history)
     known = knowledge(history.transmissions, len(history.robots))
@@ -230,12 +230,10 @@ def costs(history: History, slots: Slots | None) -> dict[str, Any]:
     sent: list[list[Transmission]] = [[] for _ in history.robots]
     for one in history.transmissions:
         sent[one.sender].append(one)
-    per_robot = {
-        name: _costs(of_robot, slots, frames, overhead)
-        for name, of_robot in zip(history.robots, sent, strict=True)
-    }
-    return {key: _total([costs[key] for costs in per_robot.values()]) for key in _COSTS} | {
-        "per_robot": per_robot
+    of_robots = [_costs(of_robot, slots, frames, overhead) for of_robot in sent]
+    columns = {key: [costs[key] for costs in of_robots] for key in _COSTS}
+    return {key: _total(column) for key, column in columns.items()} | {
+        "per_robot": {key: dict(zip(history.robots, column, strict=True)) for key, column in columns.items()}
     }
 
 

@@ -66,6 +66,15 @@ def test_channel_association(tmp_path: Path) -> None:
     assert written == {"stationary.mcap", "mobile.mcap", "figure-07.png", "figure-07.svg", "figure-07.csv"}
 
 
+def test_state_estimates(tmp_path: Path) -> None:
+    (commands,) = blocks("State estimates across a team", "sh")
+    done = shell(commands, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "frame_rate_hz  0.5787" in done.stdout
+    written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == {"mixed.mcap", "coverage.mcap", "figure-03.png", "figure-03.svg", "figure-03.csv"}
+
+
 def test_every_command_is_described() -> None:
     listed = set(re.findall(r"^heliograph (\w+)", README.split("\n## The command\n")[1], re.MULTILINE))
     help_text = shell("heliograph --help", Path.cwd()).stdout
