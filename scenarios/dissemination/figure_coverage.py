@@ -49,7 +49,7 @@ COMPARED = (
 )
 CELLS_SHOWN = COMPARED[:2]
 
-EMULATED_RUNS = 2
+EMULATED_RUNS = 4
 EMULATED = tuple(
     (compared, Run(EMULATED_STUDY, compared.parameters(), EMULATED_RUNS, at_most=True))
     for compared in COMPARED

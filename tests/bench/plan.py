@@ -6,14 +6,20 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from tests.bench.alone import measure_alone
 from tests.bench.bare import measure_bare
 from tests.bench.floor import Sizes, measure_floor
 from tests.bench.measure import Figures, SampleFailed, in_fresh_process, measure_speed
-from tests.bench.product import measure_product, measure_sizes, measure_startup, sizes_of
+from tests.bench.product import Workload, measure_product, measure_sizes, measure_startup, sizes_of
 from tests.bench.studies import measure_studies
 
 TEAMS = (10, 30, 100)
 LARGE_TEAM = 300
+SLOT_WORKLOADS: dict[Workload, int] = {"dissemination": 100, "dissemination-mixed": 9}
+"""Scenarios with slots, and their teams."""
+SLOT_KINDS = ("slots", "slots in process", "slots, behaviour alone")
+TURNS_BESIDE = {100: 100, 9: 10}
+"""By team with slots, the team that takes turns to be set beside it."""
 
 
 @dataclass(frozen=True, order=True)
@@ -42,10 +48,26 @@ class Effort:
     duration_s: dict[int, float]
     """Virtual seconds of association by size of team."""
     turns_duration_s: dict[int, float]
+    slots_duration_s: dict[int, float]
+    """Likewise, of scenarios with slots: 30 frames, or 10, of a hundred robots."""
 
 
-FULL = Effort(3, 30_000, 9000, {10: 240.0, 30: 120.0, 100: 60.0, 300: 60.0}, {10: 120.0, 30: 60.0, 100: 30.0})
-QUICK = Effort(1, 10_000, 3000, {10: 60.0, 30: 30.0, 100: 20.0, 300: 12.0}, {10: 40.0, 30: 20.0, 100: 10.0})
+FULL = Effort(
+    rounds=3,
+    floor_activations=30_000,
+    bare_activations=9000,
+    duration_s={10: 240.0, 30: 120.0, 100: 60.0, 300: 60.0},
+    turns_duration_s={10: 120.0, 30: 60.0, 100: 30.0},
+    slots_duration_s={100: 1344.0, 9: 600.0},
+)
+QUICK = Effort(
+    rounds=1,
+    floor_activations=10_000,
+    bare_activations=3000,
+    duration_s={10: 60.0, 30: 30.0, 100: 20.0, 300: 12.0},
+    turns_duration_s={10: 40.0, 30: 20.0, 100: 10.0},
+    slots_duration_s={100: 448.0, 9: 200.0},
+)
 
 
 def _teams(*kinds: str) -> list[Cell]:
@@ -58,6 +80,10 @@ NEEDS: dict[str, list[Cell]] = {
     "startup": [Cell("startup", 100)],
     "recording": [Cell("product", 30), Cell("product", 100)],
     "scaling": [Cell("product", 30), Cell("product", LARGE_TEAM)],
+    "slots": [
+        *(Cell(kind, robots) for robots in SLOT_WORKLOADS.values() for kind in SLOT_KINDS),
+        *(Cell("turns", robots) for robots in TURNS_BESIDE.values()),
+    ],
     "studies": [STUDIES],
     "switches": [Cell("product", 30), Cell("floor", 30), Cell("bare", 30)],
 }
@@ -139,6 +165,8 @@ class Bench:
                 return in_fresh_process(
                     measure_product, "turns", robots, effort.turns_duration_s[robots], "zenoh"
                 )
+            case "slots" | "slots in process" | "slots, behaviour alone":
+                return self._measure_slots(cell)
             case "bare":
                 return in_fresh_process(measure_bare, robots, effort.bare_activations)
             case "floor":
@@ -152,6 +180,14 @@ class Bench:
             case "speed":
                 return in_fresh_process(measure_speed)
         raise ValueError(f"no cell is called {cell.kind}")
+
+    def _measure_slots(self, cell: Cell) -> Figures:
+        workload = next(name for name, robots in SLOT_WORKLOADS.items() if robots == cell.robots)
+        duration_s = self._effort.slots_duration_s[cell.robots]
+        if cell.kind == "slots, behaviour alone":
+            return in_fresh_process(measure_alone, workload, cell.robots, duration_s)
+        fleet = "zenoh" if cell.kind == "slots" else "in_process"
+        return in_fresh_process(measure_product, workload, cell.robots, duration_s, fleet)
 
 
 def _say(what: str) -> None:

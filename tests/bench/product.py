@@ -24,19 +24,24 @@ from emulator.scenario_file import load
 from tests.bench.floor import Sizes
 from tests.bench.measure import Figures, Meter, parent_of, pss_mib
 
-Workload = Literal["association", "turns"]
-"""All robots due at every instant, or one."""
+Workload = Literal["association", "turns", "dissemination", "dissemination-mixed"]
+"""All robots due at every instant; one, by turns made for this; one, the owner of a slot (the last two)."""
 Grants = Iterable[tuple[int, bytes]]
-WARM_UP_S = 2.0
-"""Virtual seconds before the meters run: generators are made, copied pages copied."""
+WARM_UP_S: dict[Workload, float] = {
+    "association": 2.0,
+    "turns": 2.0,
+    "dissemination": 90.0,
+    "dissemination-mixed": 4.0,
+}
+"""Virtual seconds before the meters run: generators are made, copied pages copied. Two frames of slots."""
 MEMORY_AT_S = 10.0
 """Virtual time at which memory is read."""
 
 
 def measure_product(workload: Workload, robots: int, duration_s: float, fleet: FleetName) -> Figures:
     """Cost per activation, and what whole runs are judged by."""
-    probe = _CostProbe()
-    outcome, log_bytes = _run(_scenario(workload, robots, duration_s), fleet, probe)
+    probe = _CostProbe(WARM_UP_S[workload])
+    outcome, log_bytes = _run(scenario_of(workload, robots, duration_s), fleet, probe)
     activations = outcome.progress.activations
     return {
         **probe.figures(),
@@ -51,14 +56,14 @@ def measure_product(workload: Workload, robots: int, duration_s: float, fleet: F
 def measure_startup(robots: int) -> Figures:
     """Seconds until all robots are ready, and memory once they have run for a while."""
     probe = _StartupProbe()
-    outcome, _ = _run(_scenario("association", robots, MEMORY_AT_S), "zenoh", probe)
+    outcome, _ = _run(scenario_of("association", robots, MEMORY_AT_S), "zenoh", probe)
     return {**probe.figures, "startup_s": outcome.startup_s}
 
 
 def measure_sizes(workload: Workload, robots: int, duration_s: float) -> Figures:
     """Mean lengths of grants and reports; the fleet makes no difference to them."""
     probe = _SizeProbe()
-    _run(_scenario(workload, robots, duration_s), "in_process", probe)
+    _run(scenario_of(workload, robots, duration_s), "in_process", probe)
     return {"grant_bytes": probe.grant_bytes / probe.count, "report_bytes": probe.report_bytes / probe.count}
 
 
@@ -92,12 +97,13 @@ class _Probe:
 
 
 class _CostProbe(_Probe):
-    def __init__(self) -> None:
+    def __init__(self, warm_up_s: float) -> None:
+        self._warm_up_ns = to_ns(warm_up_s)
         self._meter: Meter | None = None
         self._before = 0
 
     def instant(self, now_ns: int) -> None:
-        if self._meter is None and now_ns >= to_ns(WARM_UP_S):
+        if self._meter is None and now_ns >= self._warm_up_ns:
             self._before = self.engine.progress.activations
             self._meter = Meter(_pids(self.fleet))
             self._meter.begin()
@@ -205,8 +211,11 @@ def _probed(probe: _Probe) -> Iterator[None]:
         yield
 
 
-def _scenario(workload: Workload, robots: int, duration_s: float) -> Scenario:
+def scenario_of(workload: Workload, robots: int, duration_s: float) -> Scenario:
+    """What runs for exactly so long; stop rules do not count."""
     overrides = ["score=tests.bench.behaviours:no_score"]
+    if workload in ("dissemination", "dissemination-mixed"):
+        return with_duration(load(workload, robots=robots, overrides=overrides), duration_s)
     if workload == "turns":
         overrides.append("behaviour=tests.bench.behaviours:take_turns")
     scenario = with_duration(load("association", robots=robots, overrides=overrides), duration_s)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from statistics import median
 
-from tests.bench.plan import LARGE_TEAM, STUDIES, TEAMS, Cell, Samples
+from tests.bench.plan import LARGE_TEAM, SLOT_WORKLOADS, STUDIES, TEAMS, TURNS_BESIDE, Cell, Samples
 
 AIMS_OF_RATIO = {30: "<= 3", 100: "<= 4"}
 """Product over floor, by size of team."""
@@ -132,6 +132,51 @@ def scaling_table(samples: Samples) -> str:
     return _table("Growth with the team at equal density, Zenoh fleet", head, rows)
 
 
+def slots_table(samples: Samples) -> str:
+    """Microseconds per slot, beside the product with one robot due at every instant."""
+    rows = []
+    for workload, robots in SLOT_WORKLOADS.items():
+        product, turns = Cell("slots", robots), Cell("turns", TURNS_BESIDE[robots])
+        for label, cell in (
+            (workload, product),
+            ("in process", Cell("slots in process", robots)),
+            ("its behaviour alone", Cell("slots, behaviour alone", robots)),
+            (f"turns, {turns.robots} robots", turns),
+        ):
+            costs = [spread(samples.values(cell, f"{name}_us")) for name in ("wall", "cpu")]
+            ratios = [
+                spread(samples.ratios(cell, f"{name}_us", product, f"{name}_us"), 2)
+                for name in ("wall", "cpu")
+            ]
+            recorded = [100 * part for part in samples.values(cell, "recording_cpu_share")]
+            rows.append([str(robots), label, *costs, *ratios, spread(recorded)])
+    head = [
+        "robots",
+        "",
+        "wall us",
+        "CPU us",
+        "wall/product",
+        "CPU/product",
+        "recording's CPU, % of wall time",
+    ]
+    return "\n\n".join(
+        [_table("Cost per slot, one robot due at every instant", head, rows), _behaviour_table(samples)]
+    )
+
+
+def _behaviour_table(samples: Samples) -> str:
+    rows = []
+    for workload, robots in SLOT_WORKLOADS.items():
+        alone = Cell("slots, behaviour alone", robots)
+        shares = [
+            samples.ratios(alone, "cpu_us", Cell(kind, robots), "cpu_us")
+            for kind in ("slots in process", "slots")
+        ]
+        rows.append([workload, *(spread([100 * share for share in column]) for column in shares)])
+    head = ["", "% of the slot in process", "% of the product's slot"]
+    return _table("The behaviour alone: table, distances, selection, packets; CPU", head, rows)
+
+
 def switches_table(samples: Samples) -> str:
     """Who is woken how often for one activation."""
     names = ("robots_voluntary", "robots_involuntary", "broker_voluntary", "broker_involuntary")
@@ -144,18 +189,22 @@ def switches_table(samples: Samples) -> str:
 
 
 def studies_table(samples: Samples) -> str:
-    """Samples of studies, vectorised, beside the classes that robots run."""
+    """Samples of studies, vectorised or compiled, beside the classes that robots run."""
     rows = []
     for label, name in (
         ("stationary: a neighbourhood of 20 and 10 ids, until done", "stationary"),
         ("mobile: an observer's step at the defaults", "mobile"),
         ("noisy: a step of 20 and 10 ids (class: with posteriors)", "noisy"),
+        ("propagation: a slot of the 10 x 10 grid, m = 7", "propagation"),
+        ("age: a slot of nine robots, m = 3", "age"),
+        ("age: the same, with placements drawn and ages scored", "age_scored"),
+        ("coverage: a centroid among nine robots", "coverage"),
     ):
         costs = [spread(samples.values(STUDIES, f"{name}{kind}_us"), 2) for kind in ("_class", "")]
         ratio = spread(samples.ratios(STUDIES, f"{name}_class_us", STUDIES, f"{name}_us"), 0)
         rows.append([label, *costs, ratio])
-    head = ["", "i-state class, CPU us", "study, CPU us", "ratio"]
-    return _table("Association: Monte Carlo studies beside the i-state classes", head, rows)
+    head = ["", "class, CPU us", "study, CPU us", "ratio"]
+    return _table("Monte Carlo studies beside the classes that robots run", head, rows)
 
 
 def spread(values: Sequence[float], digits: int = 1) -> str:
@@ -181,6 +230,7 @@ TABLES: dict[str, Callable[[Samples], str]] = {
     "startup": startup_table,
     "recording": recording_table,
     "scaling": scaling_table,
+    "slots": slots_table,
     "switches": switches_table,
     "studies": studies_table,
 }

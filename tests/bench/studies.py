@@ -1,4 +1,4 @@
-"""What a sample of a study costs, beside the same sample by the i-state classes that robots run."""
+"""What a sample of a study costs, beside the same sample by the classes that robots run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ NAMES = [f"r{number:03d}" for number in range(1000)]
 
 
 def measure_studies() -> Figures:
-    """CPU microseconds: of a neighbourhood until it is done, of an observer's step, of a noisy step."""
+    """CPU microseconds of neighbourhoods, steps, slots and centroids, one each."""
+    from tests.bench import team_studies  # here: other cells' processes do without a compiler in memory
+
     return {
         "stationary_class_us": _cost(_neighbourhoods, 500),
         "stationary_us": _cost(_vectorised_neighbourhoods, 50_000),
@@ -28,6 +30,13 @@ def measure_studies() -> Figures:
         "mobile_us": _cost(_vectorised_observers, 1),
         "noisy_class_us": _cost(_noisy, 5),
         "noisy_us": _cost(_vectorised_noisy, 2000),
+        "propagation_class_us": _cost(team_studies.grid, 1),
+        "propagation_us": _cost(team_studies.compiled_grid, 50),
+        "age_class_us": _cost(team_studies.square, 10),
+        "age_us": _cost(team_studies.compiled_square, 60),
+        "age_scored_us": _cost(team_studies.scored_square, 60),
+        "coverage_class_us": _cost(team_studies.cells, 50),
+        "coverage_us": _cost(team_studies.compiled_cells, 5000),
     }
 
 

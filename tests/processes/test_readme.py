@@ -72,7 +72,7 @@ def test_state_estimates(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "frame_rate_hz  0.5787" in done.stdout
     written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == {"mixed.mcap", "coverage.mcap", "figure-03.png", "figure-03.svg", "figure-03.csv"}
+    assert written == {"mixed.mcap", "coverage.mcap", "figure-02.png", "figure-02.svg", "figure-02.csv"}
 
 
 def test_every_command_is_described() -> None:
