@@ -20,7 +20,7 @@ from agent.behaviours.dissemination.selection import MOST_ALPHA
 from agent.behaviours.dissemination.wire import ESTIMATE_BITS
 from emulator.scenario import MAX_ROBOTS
 from emulator.scenario_file import load
-from scenarios.dissemination.lattices import Lattice, subgraphs
+from scenarios.dissemination.lattices import Lattice
 from scenarios.dissemination.score import score
 from scenarios.dissemination.study_propagation import PropagationParameters, summarise
 from scenarios.dissemination.study_propagation import check as check_simulated
@@ -75,7 +75,7 @@ def propagation_overrides(parameters: PropagationParameters) -> list[str]:
         ),
         f"params.link_range_m={RANGE_M[parameters.neighbours]}",
         f"params.deployment_m={places.tolist()}",
-        *(f"params.{key}={getattr(parameters, key)}" for key in ("rows", "columns", "subgraphs")),
+        f"params.subgraphs={parameters.subgraphs}",
     ]
 
 
@@ -87,9 +87,10 @@ def simulate_propagation(
 
 
 def _propagation(parameters: PropagationParameters, seed: int) -> list[int]:
-    robots = parameters.rows * parameters.columns
-    found = emulated(GRID, score, seed=seed, robots=robots, overrides=propagation_overrides(parameters))
-    units = [found["propagation"][name]["units"] for name in subgraphs(parameters.subgraphs)]
+    grid = Lattice(parameters.rows, parameters.columns, parameters.neighbours)
+    overrides = propagation_overrides(parameters)
+    found = emulated(GRID, score, seed=seed, robots=grid.robots, overrides=overrides)
+    units = [found["propagation"][name]["units"] for name in grid.parts(parameters.subgraphs)]
     return [0 if of_part is None else round(of_part / parameters.m) for of_part in units]
 
 

@@ -16,6 +16,7 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 Neighbours = Literal[4, 8, 6]
+ALL = "all"
 
 
 class Lattice(Struct, frozen=True):
@@ -78,6 +79,21 @@ class Lattice(Struct, frozen=True):
         colours = np.array(colouring(self.graph(), "distance_two"))
         return [np.flatnonzero(colours == colour) for colour in range(colours.max() + 1)]
 
+    def parts(self, text: str) -> dict[str, Ints]:
+        """Numbers of the robots of centred parts, by name.
+
+        `text`: rows x columns of each, as "2x2,4x6"; "all": every centred square smaller than the grid, or
+        the whole grid where it has none. Raises ValueError for what is none of these.
+        """
+        shapes = self._squares() if text == ALL else subgraphs(text)
+        return {name: self.middle(*shape) for name, shape in shapes.items()}
+
+    def _squares(self) -> dict[str, tuple[int, int]]:
+        shortest = min(self.rows, self.columns)
+        sides = range(2 + shortest % 2, shortest + 1, 2) if (self.rows - self.columns) % 2 == 0 else ()
+        smaller = {f"{side}x{side}": (side, side) for side in sides if side * side < self.robots}
+        return smaller or subgraphs(f"{self.rows}x{self.columns}")
+
     def middle(self, rows: int, columns: int) -> Ints:
         """Numbers of a centred part of so many rows and columns. Raises ValueError where there is none."""
         shape = f"{rows}x{columns}"
@@ -106,7 +122,9 @@ def subgraphs(text: str) -> dict[str, tuple[int, int]]:
     for name in (word.strip() for word in text.split(",")):
         match = re.fullmatch(r"([1-9][0-9]{0,3})x([1-9][0-9]{0,3})", name)
         if match is None:
-            raise ValueError(f'subgraphs: {name!r} is no part of a grid; write rows x columns, as "2x2,4x4"')
+            raise ValueError(
+                f'subgraphs: {name!r} is no part of a grid; write rows x columns, as "2x2,4x4", or all'
+            )
         if name in found:
             raise ValueError(f"subgraphs: {name} is listed twice; list it once")
         if name == "1x1":

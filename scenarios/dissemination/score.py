@@ -6,7 +6,7 @@ radio that took.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
@@ -23,7 +23,7 @@ from emulator.slots import shared_slots
 from logs.reader import LogReader
 from scenarios.association.score_mobile import positions
 from scenarios.dissemination.knowledge import History, Knowledge, Transmission, knowledge, read
-from scenarios.dissemination.lattices import Lattice, subgraphs
+from scenarios.dissemination.lattices import ALL, Lattice
 from scenarios.dissemination.score_age import Around, Updates, Window, around, summary
 
 Floats = NDArray[np.float64]
@@ -70,8 +70,7 @@ def score_history(history: History) -> dict[str, Any]:
 
     - `robots`, `duration_s`; `slot_s`, `units_per_slot`, `slots_per_frame`, `frame_rate_hz`: None without
       slots.
-    - `propagation`: by part of the grid, see `propagation`; only where `params.rows` and `params.columns`
-      say that there is one.
+    - `propagation`: by part of the grid, see `propagation`; empty where robots begin on none.
     - `age_s`, `updates_per_minute`, `by_distance`, `by_hops`, `never_known`, `unknown_part`, `spearman`: see
       `score_age.summary`, from `params.score_from_s` (0) on, until the run or the behaviour of the receiver
       ends. Distances are straight lines, in bins of half the radio range; hops are counted over links of at
@@ -90,7 +89,7 @@ def score_history(history: History) -> dict[str, Any]:
         "units_per_slot": None if slots is None else slots.units,
         "slots_per_frame": None if slots is None else slots.per_frame,
         "frame_rate_hz": None if slots is None else NS_PER_S / slots.frame_ns,
-        **({"propagation": propagation(history, known, slots)} if "rows" in history.params else {}),
+        "propagation": propagation(history, known, slots),
         **ages(history, known),
         "unexplained": known.unexplained,
         **costs(history, slots),
@@ -107,15 +106,18 @@ def propagation(history: History, known: Knowledge, slots: Slots | None) -> dict
     takes m units (None without slots); all from the start of the run. None where pairs are missing; how
     many, says `missing_pairs`. All estimates of a run were made after its start.
 
-    Raises ValueError where the robots do not stand in the grid that [params] describe.
+    Which parts says `params.subgraphs` ("all"), see `lattices.Lattice.parts`; none where the robots begin on
+    no square grid. Raises ValueError for parts that the grid has not.
     """
     grid = _grid(history)
+    if grid is None:
+        return {}
     team = len(history.robots)
     pair = known.receiver * team + known.origin
     first = np.append(True, pair[1:] != pair[:-1])[: len(pair)]
     found = {}
-    for name, shape in subgraphs(history.params.get("subgraphs", "")).items():
-        members = np.isin(np.arange(team), grid.middle(*shape))
+    for name, part in grid.parts(str(history.params.get("subgraphs", ALL))).items():
+        members = np.isin(np.arange(team), part)
         rows = np.flatnonzero(first & members[known.receiver] & members[known.origin])
         missing = int(members.sum() * (members.sum() - 1)) - len(rows)
         found[name] = {**_completed(known, rows, slots, missing), "missing_pairs": missing}
@@ -133,31 +135,21 @@ def _completed(known: Knowledge, rows: Any, slots: Slots | None, missing: int) -
     }
 
 
-def _grid(history: History) -> Lattice:
-    rows, columns = (_whole(history.params, key) for key in ("rows", "columns"))
-    if rows * columns != len(history.robots):
-        raise ValueError(
-            f"params.rows: {rows} rows of {columns} are not the {len(history.robots)} robots there are; "
-            "leave rows out where they stand in no grid"
-        )
-    places = _starts(history)[:, :2].reshape(rows, columns, 2)
-    in_rows = (np.diff(places[:, :, 0], axis=1) > 0).all()
-    if not (in_rows and (places[1:, :, 1].min(axis=1) > places[:-1, :, 1].max(axis=1)).all()):
-        raise ValueError(
-            f"params.rows: the robots do not stand in {rows} rows of {columns}, row by row; "
-            "leave rows out where they stand in no grid"
-        )
-    return Lattice(rows, columns, 4)
-
-
-def _whole(params: Mapping[str, Any], key: str) -> int:
-    value = params.get(key)
-    if type(value) is not int or value < 1:
-        raise ValueError(f"params.{key}: must be a whole number, 1 or more, is {value!r}")
-    return value
-
-
-# --- age -----------------------------------------------------------------------------------------
+def _grid(history: History) -> Lattice | None:
+    """The grid on which the robots begin, numbered along its rows; None where they begin on none."""
+    places = _starts(history)[:, :2]
+    same_row = np.isclose(places[:, 1], places[0, 1])
+    columns = int(same_row.sum())
+    rows, odd = divmod(len(places), columns)
+    if odd or len(places) < 2:
+        return None
+    lattice = places.reshape(rows, columns, 2)
+    steps = [np.diff(lattice[:, :, axis], axis=1 - axis) for axis in (0, 1)]
+    even = all(np.allclose(step, step.flat[0]) and step.flat[0] > 0 for step in steps if step.size)
+    straight = np.allclose(lattice[:, :, 0], lattice[0, :, 0]) and np.allclose(
+        lattice[:, :, 1], lattice[:, :1, 1]
+    )
+    return Lattice(rows, columns, 4) if even and straight else None
 
 
 def ages(history: History, known: Knowledge) -> dict[str, Any]:

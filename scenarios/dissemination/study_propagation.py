@@ -24,7 +24,7 @@ from scenarios.dissemination.kernels import (
     propagate,
     rule,
 )
-from scenarios.dissemination.lattices import Lattice, Neighbours, subgraphs
+from scenarios.dissemination.lattices import ALL, Lattice, Neighbours
 from scenarios.study import Study, error_of_sums
 
 Ints = NDArray[np.int64]
@@ -58,8 +58,8 @@ class PropagationParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fi
         Meta(description="what becomes of an estimate just learned, under location"),
     ] = "first"
     subgraphs: Annotated[
-        str, Meta(description="centred parts of the grid, rows x columns, separated by commas")
-    ] = "2x2,4x4,6x6,8x8"
+        str, Meta(description="centred parts of the grid, as 2x2,4x6; all: its centred squares")
+    ] = ALL
     distance: Annotated[
         Literal["euclidean", "graph"], Meta(description="what importance depends on; graph: hops")
     ] = "euclidean"
@@ -102,8 +102,7 @@ class Setting(Struct, frozen=True):
 def check(parameters: PropagationParameters) -> None:
     """Raises ValueError for parameters that do not go together, naming the key."""
     grid = _lattice(parameters)
-    for rows, columns in subgraphs(parameters.subgraphs).values():
-        grid.middle(rows, columns)
+    grid.parts(parameters.subgraphs)
     if parameters.scheme == "flooding" and parameters.m < grid.robots:
         raise ValueError(
             f"m: flooding sends everything, so a slot must take {grid.robots} estimates, not {parameters.m}; "
@@ -130,7 +129,7 @@ def summarise(parameters: PropagationParameters, partials: list[Ints]) -> dict[s
     - `slots_per_frame`, `samples`.
     """
     slots = np.concatenate(partials)
-    names = list(subgraphs(parameters.subgraphs))
+    names = list(_lattice(parameters).parts(parameters.subgraphs))
     per_frame = _setting(parameters).slots
     return {
         "units": {name: _summary(of, parameters.m, 1) for name, of in zip(names, slots.T, strict=True)},
@@ -163,9 +162,10 @@ def _setting(parameters: PropagationParameters) -> Setting:
     distances = grid.euclidean() if parameters.distance == "euclidean" else grid.hops()
     slots = grid.slots(parameters.reuse)
     links = grid.links()
-    members = np.zeros((len(subgraphs(parameters.subgraphs)), grid.robots), dtype=np.bool_)
-    for part, shape in zip(members, subgraphs(parameters.subgraphs).values(), strict=True):
-        part[grid.middle(*shape)] = True
+    parts = grid.parts(parameters.subgraphs)
+    members = np.zeros((len(parts), grid.robots), dtype=np.bool_)
+    for row, numbers in zip(members, parts.values(), strict=True):
+        row[numbers] = True
     return Setting(
         rule(parameters.scheme, parameters.m, parameters.new_estimates),
         np.nonzero(links)[1],

@@ -18,8 +18,7 @@ from tests.support import heliograph
 
 pytestmark = pytest.mark.processes
 
-SMALL_GRID = ["--robots", 16, "--set", "world.area_m=[120, 120]", "--set", "params.rows=4"]
-SMALL_GRID += ["--set", "params.columns=4", "--set", "params.subgraphs=2x2,4x4"]
+SMALL_GRID = ["--robots", 16, "--set", "world.area_m=[120, 120]", "--set", "params.subgraphs=2x2,4x4"]
 
 
 def result(folder: Path, *arguments: object) -> dict[str, Any]:

@@ -102,10 +102,8 @@ def test_robots_on_the_emulator_say_what_the_pure_classes_would(
 ) -> None:
     slot_ns = units * SLOT_NS + GUARD_NS
     params = {"scheme": scheme, **settings}
-    text = _shipped("dissemination").read_text()
-    (tmp_path / "grid.toml").write_text(text.replace("[params]", f"[params]\nlink_range_m = {RANGE_M}"))
     scenario = load(
-        str(tmp_path / "grid.toml"),
+        "dissemination",
         robots=16,
         overrides=[
             "world.area_m=[120, 120]",

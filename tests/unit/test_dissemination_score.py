@@ -33,6 +33,7 @@ from scenarios.dissemination.knowledge import (
     team_of,
     transmissions,
 )
+from scenarios.dissemination.lattices import Lattice
 from scenarios.dissemination.score import score_history, slots_of
 from scenarios.dissemination.stamps import received
 
@@ -50,7 +51,7 @@ SETTINGS: dict[str, Any] = {
         "range_m": 10.0, "access": "tdma", "bit_rate_bps": 3000.0, "overhead_bits": 0,
         "tdma": {"units": 2, "unit_bits": 192, "order": "fixed"},
     },
-    "params": {"rows": 2, "columns": 2, "subgraphs": "2x2"},
+    "params": {"subgraphs": "2x2"},
 }  # fmt: skip
 
 
@@ -241,20 +242,31 @@ def test_only_members_of_the_part_count() -> None:
     """Nobody tells a of d; the middle two of a line of four do not care."""
     line = start([(10.0, 0.0), (10.0, 1.0), (10.0, 2.0), (10.0, 3.0)])
     radio = [*TWO_FRAMES[:5], sent(5, ("b", 640)), sent(6, ("c", 768)), TWO_FRAMES[7]]
-    whole = history(radio, truth=[line], rows=4, columns=1, subgraphs="2x1,4x1")
+    whole = history(radio, truth=[line], subgraphs="2x1,4x1")
     assert score_history(whole)["propagation"] == {
         "2x1": {"s": 1.0240001, "units": 16, "frames": 2.0, "missing_pairs": 0},
         "4x1": {"s": None, "units": None, "frames": None, "missing_pairs": 1},
     }
 
 
+def test_robots_on_no_grid_have_no_parts() -> None:
+    ragged = start([(0.0, 0.0), (10.0, 0.0), (0.0, 10.0), (10.0, 10.1)])
+    uneven = start([(0.0, 0.0), (5.0, 0.0), (15.0, 0.0), (20.0, 0.0)])
+    backwards = start([(10.0, 0.0), (0.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
+    for truth in (ragged, uneven, backwards):
+        assert score_history(history(TWO_FRAMES, truth=[truth]))["propagation"] == {}
+
+
+def test_all_parts_are_the_centred_squares() -> None:
+    assert list(score_history(history(TWO_FRAMES, subgraphs="all"))["propagation"]) == ["2x2"]
+    assert list(Lattice(10, 10, 4).parts("all")) == ["2x2", "4x4", "6x6", "8x8"]
+    assert list(Lattice(5, 7, 4).parts("all")) == ["3x3", "5x5"]
+    assert list(Lattice(4, 5, 4).parts("all")) == ["4x5"]
+
+
 @pytest.mark.parametrize(
     ("params", "sentence"),
     [
-        ({"rows": 3}, "params.rows: 3 rows of 2 are not the 4 robots there are; leave rows out"),
-        ({"rows": 4, "columns": 1}, "params.rows: the robots do not stand in 4 rows of 1, row by row; leave"),
-        ({"rows": 0}, "params.rows: must be a whole number, 1 or more, is 0"),
-        ({"columns": None}, "params.columns: must be a whole number, 1 or more, is None"),
         ({"subgraphs": "1x2"}, "subgraphs: 1x2 cannot be centred on 2x2"),
         ({"score_from_s": -1}, "params.score_from_s: must be a number, 0 or more, is -1"),
         ({"score_from_s": True}, "params.score_from_s: must be a number, 0 or more, is True"),
@@ -315,7 +327,7 @@ def test_costs_by_hand() -> None:
     ],
 )
 def test_a_slot_is_missed_by_who_does_not_keep_to_it(wrong: Record) -> None:
-    found = score_history(history([*TWO_FRAMES[:3], wrong, *TWO_FRAMES[4:]], rows=2))
+    found = score_history(history([*TWO_FRAMES[:3], wrong, *TWO_FRAMES[4:]]))
     assert (found["slots_used"], found["slots_missed"]) == (7, 1)
     assert found["per_robot"]["slots_missed"]["d"] == 1
 
@@ -379,8 +391,6 @@ def recorded(folder: Path, name: str, *overrides: str, seed: int = 1, robots: in
 
 GRID = (
     "world.area_m=[90.0, 90.0]",
-    "params.rows=3",
-    "params.columns=3",
     "params.subgraphs=3x3",
     "radio.tdma.units=3",
 )
