@@ -21,10 +21,10 @@ from channels.units import NS_PER_S, bits_within, to_ns
 from emulator.scenario import RobotSpec
 from emulator.slots import shared_slots
 from logs.reader import LogReader
-from scenarios.association.score_mobile import positions
 from scenarios.dissemination.knowledge import History, Knowledge, Transmission, knowledge, read
 from scenarios.dissemination.lattices import ALL, Lattice
 from scenarios.dissemination.score_age import Around, Updates, Window, around, summary
+from scenarios.places import positions
 
 Floats = NDArray[np.float64]
 

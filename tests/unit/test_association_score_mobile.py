@@ -9,7 +9,8 @@ import pytest
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
 from logs.reader import LogReader
-from scenarios.association.score_mobile import positions, score, score_history
+from scenarios.association.score_mobile import score, score_history
+from scenarios.places import positions
 from tests.support import run_scenario, write_scenario
 from tests.unit.test_association_score import TRUTH, entry
 
