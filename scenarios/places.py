@@ -1,4 +1,4 @@
-"""Where robots were at any instant of a run, from /truth of its log: exact, for it says all that moved them."""
+"""Where robots were at any instant of a run, exactly, from what /truth of its log tells."""
 
 from __future__ import annotations
 
