@@ -15,6 +15,8 @@ def sentence(error: BaseException) -> str:
     Addresses in memory, which differ from run to run, are left out; half characters, which no
     message can carry, are escaped.
     """
+    while isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:
+        error = error.exceptions[0]  # a group of one says nothing but that there was a task group
     try:
         text = str(error)
     except Exception:

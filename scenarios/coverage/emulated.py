@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from agent.behaviours.dissemination.wire import ESTIMATE_BITS
 from emulator.scenario import MAX_ROBOTS
 from logs.reader import LogReader
 from scenarios.coverage.score import coverage
@@ -33,6 +34,8 @@ def check(parameters: CoverageParameters) -> None:
         raise ValueError(f"robots: the emulator takes {MAX_ROBOTS} at most; set fewer")
     if parameters.sample_period != SAMPLE_S:
         raise ValueError("sample_period: a log is looked at every second; set 1")
+    if parameters.bits != ESTIMATE_BITS:
+        raise ValueError(f"bits: an estimate of the emulator's robots has {ESTIMATE_BITS}; leave it so")
     if parameters.new_estimates == "true-distance":
         raise ValueError("new_estimates: robots that move know no true distances; set first or literal")
 
@@ -57,7 +60,6 @@ def overrides(parameters: CoverageParameters) -> list[str]:
         f"radio.range_m={parameters.range}",
         f"radio.bit_rate_bps={parameters.bit_rate}",
         f"radio.tdma.units={parameters.m}",
-        f"radio.tdma.unit_bits={parameters.bits}",
         f"radio.tdma.order={parameters.order}",
         f"run.duration_s={parameters.duration}",
         f"params.area_m=[{side}, {side}]",

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from agent.behaviours.dissemination.selection import MOST_ALPHA
 from agent.behaviours.dissemination.wire import ESTIMATE_BITS
+from channels.units import MAX_TIME_NS, NS_PER_S
 from emulator.scenario import MAX_ROBOTS
 from emulator.scenario_file import load
 from scenarios.dissemination.lattices import Lattice
@@ -68,7 +69,7 @@ def propagation_overrides(parameters: PropagationParameters) -> list[str]:
         f"radio.tdma.units={parameters.m}",
         f"radio.tdma.order={parameters.order}",
         f"radio.tdma.reuse={parameters.reuse}",
-        f"run.duration_s={frames * frame_s}",
+        f"run.duration_s={min(frames * frame_s, MAX_TIME_NS / NS_PER_S)}",
         *(
             f"params.{key}={getattr(parameters, key)}"
             for key in ("scheme", "alpha", "new_estimates", "distance")

@@ -40,7 +40,7 @@ from msgspec import Struct
 from numba import njit
 from numpy.typing import NDArray
 
-from agent.behaviours.dissemination.selection import MIN_DISTANCE_M
+from agent.behaviours.dissemination.selection import LEAST_COUNTER, MIN_DISTANCE_M
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -197,8 +197,11 @@ def _lowest_counters(
         for j in range(stamps.size):
             total += weights[j]
         for j in range(stamps.size):
+            counter = counters[j]
             # Where the weight is 0, this changes nothing.
-            counters[j] *= 1.0 - weights[j] / total
+            counters[j] = counter * (1.0 - weights[j] / total)
+            if counter != 0.0 and counters[j] == 0.0:
+                counters[j] = LEAST_COUNTER
         best, lowest = -1, np.inf
         for j in range(stamps.size):
             if counters[j] > lowest or weights[j] == 0.0 or stamps[j] == UNKNOWN:

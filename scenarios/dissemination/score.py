@@ -254,8 +254,8 @@ def _total(values: Sequence[int | None]) -> int | None:
 
 def _units(radio: RadioSettings, slot_ns: int) -> int | None:
     tdma = radio.tdma
-    if tdma is not None and tdma.units is not None:
-        return tdma.units
+    if tdma is not None and tdma.units is not None and tdma.unit_bits is not None:
+        return tdma.units * tdma.unit_bits // ESTIMATE_BITS
     if tdma is None or radio.bit_rate_bps is None:
         return None
     bits = bits_within(slot_ns - to_ns(tdma.guard_s), radio.bit_rate_bps) - radio.overhead_bits

@@ -4,6 +4,9 @@ Robots stand still and all relay. From a cold start, one slot after the other: i
 estimates, and its neighbours have them at the end of the slot. A slot takes m units, whether it is full or
 not; one unit is the air time of one estimate. A part of the grid is done at the end of the slot in which
 the last of its ordered pairs (i, j) is completed: i holds an estimate of j.
+
+Distances are the true ones. Robots on the emulator go by estimated places: rounded to 1 cm, which breaks
+ties, and by hops over those they know of.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,16 @@ from scenarios.dissemination.figure_coverage import COMPARED, FIGURE, tabulate
 from scenarios.figures import Run, Table, Work, drawn
 
 
+@pytest.fixture(scope="module", autouse=True)
+def simulated_only() -> Iterator[None]:
+    """Runs of the emulator take their time; what is made of them does not depend on where they come from."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure_coverage, "EMULATED", ())
+        yield
+
+
 @pytest.fixture(scope="module")
-def results() -> list[dict[str, Any]]:
+def results(simulated_only: None) -> list[dict[str, Any]]:
     work = Work(samples=2, jobs=1)
     return [work.result(run, lambda _: None) for run in FIGURE.runs()]
 

@@ -110,7 +110,7 @@ class TestDistances:
 
     @pytest.mark.parametrize("link_range", [None, 0.0, -1.0, math.nan])
     def test_hops_need_a_range(self, link_range: float | None) -> None:
-        with pytest.raises(ValueError, match="link_range: distance graph counts hops"):
+        with pytest.raises(ValueError, match="link_range_m: distance graph counts hops"):
             distance_function("graph", link_range)
 
     def test_bad_input_is_named(self) -> None:

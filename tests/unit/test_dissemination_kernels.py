@@ -166,3 +166,20 @@ def test_every_name_is_known_everywhere() -> None:
     assert set(NEW_NUMBERS) == set(NEW_ESTIMATES) == set(get_args(hints["new_estimates"]))
     assert len(set(SCHEME_NUMBERS.values())) == len(SCHEMES)
     assert len(set(NEW_NUMBERS.values())) == len(NEW_ESTIMATES)
+
+
+def test_rounding_lets_nobody_go_before_news() -> None:
+    """As `test_news_goes_before_whoever_outweighs_all_the_others`, compiled."""
+    distances = np.array([0.0, 3.0, 30.0, 30.0])
+    importance = kernels.importances(distances[None], 20.0)[0]
+    team, weights, chosen = fresh_team(4), np.empty(4), np.empty(4, dtype=np.int64)
+    stamps, counters = team.stamps[0], team.counters[0]
+    stamps[:2] = 0
+    said = []
+    for slot in range(12):
+        if slot == 3:
+            stamps[2:], counters[2:] = 0, 0.0
+        code = rule("location", 2, "first")
+        count = choose(code, 0, distances, importance, stamps, counters, team.last, weights, weights, chosen)
+        said += chosen[1:count].tolist()
+    assert said == [1, 1, 1, 2, 3, 1, 1, 1, 1, 1, 1, 1]

@@ -183,9 +183,15 @@ def test_who_joins_late_has_heard_nothing_before_and_who_leaves_falls_silent(tmp
         ("params.scheme=gossip", "params.scheme: must be one of location,"),
         ("params.alpha=-1.0", "params.alpha: must be a number, 0 or more, is -1.0"),
         ("params.alpha=50.0", "params.alpha: must lie within 0 (all alike) to 20, is 50.0"),
-        ("params.distance=graph", "params.link_range"),
-        ("params.new_estimates=true-distance", "params.deployment_m: is missing; write 9 pairs of numbers"),
-        ("params.scheme=flooding", "m: flooding sends everything, so a slot must take 9 estimates, not 3"),
+        ("params.link_range_m=-1.0", "params.link_range_m: must be a number greater than 0, is -1.0"),
+        (
+            "params.new_estimates=true-distance",
+            "params.distance: the true distances of true-distance are flat",
+        ),
+        (
+            "params.scheme=flooding",
+            "radio.tdma.units: flooding sends everything, so a slot must hold 9 estimates, not 3; set units = 9",
+        ),
         ("params.origin_deg=[95.0, 0.0]", "params.origin_deg: latitude must lie within -89 to 89 degrees"),
         ("radio.tdma.unit_bits=60", "a slot holds 22 bytes and an estimate has 24; set units = 1 or more"),
     ],
@@ -222,3 +228,21 @@ def test_a_radio_without_slots_has_none() -> None:
     report = msgspec.msgpack.decode(answer, type=Report)
     assert report.ended is not None
     assert 'the radio has no slots; set radio.access = "tdma"' in report.ended
+
+
+@pytest.mark.parametrize(
+    ("override", "sentence"),
+    [
+        ("params.scheme=flooding", "ValueError: radio.tdma.units: flooding sends everything"),
+        ("radio.access=ideal", 'RuntimeError: the radio has no slots; set radio.access = "tdma"'),
+        ("params.gain=0.0", "ValueError: params.gain: must be a number greater than 0, is 0.0"),
+        ("params.area_m=[90.0, -1.0]", "ValueError: params.area_m: must be greater than 0 both ways"),
+        ("params.density=hilly", "ValueError: params.density"),
+    ],
+)
+def test_a_mistake_within_a_task_group_is_told_as_any_other(
+    tmp_path: Path, override: str, sentence: str
+) -> None:
+    with pytest.raises(RunFailed) as failed:
+        emulated(tmp_path, override, "run.duration_s=5", name="coverage")
+    assert sentence in str(failed.value)

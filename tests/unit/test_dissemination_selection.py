@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -231,3 +232,18 @@ def test_unknown_scheme() -> None:
         ValueError, match="scheme: must be one of location, location-probabilistic, flooding, own,"
     ):
         selection("gossip", 0, 4)
+
+
+@pytest.mark.parametrize("number", [float, Fraction])
+def test_news_goes_before_whoever_outweighs_all_the_others(number: Callable[[int], Any]) -> None:
+    """At this alpha the nearest robot's share rounds to 1 in floats, and its counter all but to 0."""
+    robot = Location(0, 4, 20, "first")
+    distances = [number(0), number(3), number(30), number(30)]
+    said = []
+    for slot in range(12):
+        if slot == 3:
+            robot.heard_first(2)
+            robot.heard_first(3)
+        stamps = [0, 0, 0, 0] if slot >= 3 else [0, 0, None, None]
+        said += robot.choose(2, distances, stamps)[1:]
+    assert said == [1, 1, 1, 2, 3, 1, 1, 1, 1, 1, 1, 1]

@@ -19,7 +19,7 @@ import asyncio
 import math
 from collections.abc import Awaitable, Callable, Sequence
 
-from agent.behaviours.dissemination.distances import DISTANCES, distance_function, euclidean
+from agent.behaviours.dissemination.distances import DISTANCES, distance_function
 from agent.behaviours.dissemination.estimates import Estimate, EstimateTable, News
 from agent.behaviours.dissemination.geodesy import TangentPlane
 from agent.behaviours.dissemination.selection import NEW_ESTIMATES, SCHEMES, selection
@@ -47,10 +47,11 @@ class Exchange:
         params = robot.params
         self._robot = robot
         self.table = EstimateTable(robot.number, robot.team_size)
+        self._scheme = choice(params, "scheme", SCHEMES, "location")
         try:
             plane = TangentPlane(pair(params, "origin_deg", (0.0, 0.0)))
             self._selection = selection(
-                choice(params, "scheme", SCHEMES, "location"),
+                self._scheme,
                 robot.number,
                 robot.team_size,
                 alpha=not_negative(params, "alpha", 1.0),
@@ -95,6 +96,11 @@ class Exchange:
                 f"radio.tdma: a slot holds {slot.bytes} bytes and an estimate has {ESTIMATE_BYTES}; set "
                 f"units = 1 or more of unit_bits = {8 * ESTIMATE_BYTES}"
             )
+        if self._scheme == "flooding" and m < self._robot.team_size:
+            raise ValueError(
+                f"radio.tdma.units: flooding sends everything, so a slot must hold {self._robot.team_size} "
+                f"estimates, not {m}; set units = {self._robot.team_size}, or another params.scheme"
+            )
         self.table.update_own(self.state())
         stamps = self.table.stamps()
         chosen = self._selection.choose(m, self._known_distances(), stamps)
@@ -111,15 +117,18 @@ class Exchange:
         return Estimate(robot.number, now_ms, pose.x_m, pose.y_m, altitude_m, pose.heading_rad)
 
     def _known_distances(self) -> Sequence[float | None]:
-        if self._deployment is not None:
-            return euclidean(self._robot.number, self._deployment)
-        return self._distances(self._robot.number, self.table.listed())
+        known = self.table.listed() if self._deployment is None else self._deployment
+        return self._distances(self._robot.number, known)
 
     def _true_places(self) -> list[Estimate] | None:
         """Where everybody is, where the robot is told; needed where what is unknown has a distance."""
         params, team = self._robot.params, self._robot.team_size
         if params.get("new_estimates") != "true-distance":
             return None
+        if params.get("distance") == "euclidean-3d":
+            raise ValueError(
+                "params.distance: the true distances of true-distance are flat; use euclidean or graph"
+            )
         places = pairs(params, "deployment_m", team)
         return [Estimate(number, 0, x, y, 0.0, 0.0) for number, (x, y) in enumerate(places)]
 

@@ -26,7 +26,7 @@ def distance_function(name: str, link_range_m: float | None = None) -> DistanceF
         return euclidean_3d
     if name == "graph":
         if link_range_m is None or not link_range_m > 0:
-            raise ValueError("link_range: distance graph counts hops; give the range of a link, above 0 m")
+            raise ValueError("link_range_m: distance graph counts hops; give the range of a link, above 0 m")
         return partial(hops, link_range_m=link_range_m)
     raise ValueError(f"distance: must be one of {', '.join(DISTANCES)}, is {name!r}")
 
@@ -50,18 +50,20 @@ def hops(own: int, estimates: Sequence[Estimate | None], link_range_m: float) ->
     known robots leads, n hops: more than any path has, so that who is cut off counts least and is still
     sent at times.
     """
-    places = [each for each in estimates if each is not None]
     found: Distances = [None if each is None else float(len(estimates)) for each in estimates]
     frontier = [_own(own, estimates)]
-    places.remove(frontier[0])
+    beyond = [each for each in estimates if each is not None and each.number != own]
     found[own] = reached = 0.0
     while frontier:
         reached += 1.0
-        linked = [one for one in places if any(_apart(one, other) <= link_range_m for other in frontier)]
-        places = [one for one in places if one not in linked]
+        linked: list[Estimate] = []
+        rest: list[Estimate] = []
+        for one in beyond:
+            near = any(_apart(one, other) <= link_range_m for other in frontier)
+            (linked if near else rest).append(one)
         for one in linked:
             found[one.number] = reached
-        frontier = linked
+        frontier, beyond = linked, rest
     return found
 
 

@@ -21,6 +21,9 @@ NEW_ESTIMATES = ("first", "literal", "true-distance")
 MOST_ALPHA = 20
 """Beyond it importances leave the range of floats; and the nearest few are all that is ever sent."""
 
+LEAST_COUNTER = 5e-324
+"""Rounding must not take a counter to 0, which is for news alone: the near would go before it for ever."""
+
 Distance = Any
 """A number of at least 0: float, or Fraction."""
 
@@ -158,7 +161,10 @@ class Location(Selection):
     def _count_down(self, importance: dict[int, Any]) -> None:
         total = _total(importance)
         for j, f in importance.items():
-            self.counters[j] = self.counters[j] * (1 - f / total)
+            counter = self.counters[j]
+            self.counters[j] = counter * (1 - f / total)
+            if counter and not self.counters[j]:
+                self.counters[j] = LEAST_COUNTER
 
 
 class LocationProbabilistic(Selection):
