@@ -9,14 +9,19 @@ MAX_SENTENCE = 1000
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
 
+def unwrapped(error: BaseException) -> BaseException:
+    """The error in a group of one, which says nothing but that there was a task group."""
+    while isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:
+        error = error.exceptions[0]
+    return error
+
+
 def sentence(error: BaseException) -> str:
     """Type and text of an error on one line of limited length, the same in every run.
 
     Addresses in memory, which differ from run to run, are left out; half characters, which no
     message can carry, are escaped.
     """
-    while isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:
-        error = error.exceptions[0]  # a group of one says nothing but that there was a task group
     try:
         text = str(error)
     except Exception:

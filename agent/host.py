@@ -11,9 +11,10 @@ import contextlib
 import sys
 import traceback
 
-from agent.endings import sentence
+from agent.endings import one_line, sentence, unwrapped
 from agent.loading import Behaviour
 from agent.outbox import Outbox, TooMuchAtOnce
+from agent.parameters import ParameterError
 from agent.robot import Robot
 from agent.virtual_time import GrantedTimeLoop
 from channels.messages import (
@@ -93,7 +94,8 @@ class RobotHost:
         outbox = self._outbox
         robot = self._robot
         awaits = AWAITS_RADIO * robot.radio.awaited + AWAITS_CAMERA * robot.camera.awaited
-        ended = self._ending() if self._task.done() else None
+        error = self._ending() if self._task.done() else None
+        ended = None if not self._task.done() else "" if error is None else _told(error)
         report = Report(
             number,
             self._loop.next_deadline() if ended is None else None,
@@ -103,21 +105,24 @@ class RobotHost:
             outbox.motion,
             outbox.entries,
             ended,
+            isinstance(error, ParameterError),
         )
         outbox.clear()
         return report
 
-    def _ending(self) -> str:
-        """Why the behaviour is over: empty where it simply returned."""
+    def _ending(self) -> BaseException | None:
+        """Why the behaviour is over; None where it simply returned."""
         if self._task.cancelled():
-            return "CancelledError: the behaviour cancelled itself"
+            return asyncio.CancelledError("the behaviour cancelled itself")
         error = self._task.exception()
-        if error is None:
-            return ""
-        return _told(error)
+        return None if error is None else unwrapped(error)
 
 
 def _told(error: BaseException) -> str:
+    if isinstance(error, ParameterError):
+        return one_line(str(error))  # the scenario's fault; a traceback would lead nobody to it
+    if isinstance(error, asyncio.CancelledError):
+        return sentence(error)
     with contextlib.suppress(Exception):  # an error may be unprintable, or standard error closed
         traceback.print_exception(error, file=sys.stderr)
     return sentence(error)

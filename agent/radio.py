@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from agent.clock import Clock
 from agent.outbox import Outbox
+from agent.parameters import ParameterError
 from agent.waiting import Mailbox, sleep_until
 from channels.messages import Message, RadioPlan, Transmission, encode_payload
 from channels.tdma import Schedule
@@ -74,10 +75,10 @@ class Radio:
     def slots(self) -> Slots:
         """Own time slots, each as it begins: `async for slot in robot.radio.slots()`.
 
-        One that the behaviour sleeps through is skipped. Raises RuntimeError where the radio has no slots.
+        One that the behaviour sleeps through is skipped. Raises ParameterError where the radio has no slots.
         """
         if self._access is None:
-            raise RuntimeError('the radio has no slots; set radio.access = "tdma"')
+            raise ParameterError('radio.access: must be "tdma", for this behaviour speaks in slots')
         return Slots(self._access, self._clock)
 
     async def receive(self) -> Message:

@@ -139,6 +139,8 @@ class Report(Struct, array_like=True, frozen=True, gc=False):
     entries: Annotated[list[LogEntry], Meta(max_length=MAX_ENTRIES)] = []
     ended: Text | None = None
     """None: still running. Empty: the behaviour returned. Else: why it failed, in one line."""
+    mistaken: bool = False
+    """It failed because of the scenario: `ended` names the key."""
 
 
 class Message(Struct, array_like=True, frozen=True, gc=False):

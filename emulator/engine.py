@@ -167,7 +167,7 @@ class Engine:
             self._take_entry(robot, now, entry)
         self._awaits[robot] = report.awaits
         if report.ended is not None:
-            self._end(robot, now, report.ended)
+            self._end(robot, now, report.ended, report.mistaken)
         else:
             self._arrange_wake(robot, now, report, clock)
 
@@ -235,8 +235,10 @@ class Engine:
             raise RobotFailure(name, f"logged a {type(data).__name__} instead of an object")
         return data
 
-    def _end(self, robot: int, now: int, why: str) -> None:
+    def _end(self, robot: int, now: int, why: str, mistaken: bool) -> None:
         name = self._parts.robots[robot]
+        if mistaken:
+            raise RobotFailure(name, why, mistaken=True)
         if why:
             raise RobotFailure(name, f"failed: {why}")
         self._running.discard(robot)

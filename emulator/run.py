@@ -166,7 +166,7 @@ def _run(
         progress = engine.run()
     except RobotFailure as failure:
         fleet.close()  # first: the robot's last words come with its end
-        raise _failed(failure, fleet, engine.progress, options, recorder) from None
+        raise _failed(scenario, failure, fleet, engine.progress, options, recorder) from None
     with parts.watch.section("recording"), held():
         recorder.finish(_result(progress))
     ended = time.perf_counter()
@@ -186,12 +186,19 @@ def _run(
 
 
 def _failed(
-    failure: RobotFailure, fleet: Fleet, progress: Progress, options: Options, recorder: Recorder
-) -> RunFailed:
+    scenario: Scenario,
+    failure: RobotFailure,
+    fleet: Fleet,
+    progress: Progress,
+    options: Options,
+    recorder: Recorder,
+) -> RunFailed | UserError:
     now = progress.now_ns
     with held():
         recorder.fault(now, {"kind": "robot failed", "robot": failure.robot, "error": failure.cause})
         recorder.note(now, "error", failure.robot, failure.cause)
+    if failure.mistaken:
+        return UserError(f"{scenario.name}: {failure.cause} (as robot {failure.robot} found)")
     return RunFailed(
         f"robot {failure.robot} {failure.cause} (at {to_s(now):g} s; the log up to then is {options.out})",
         robot=failure.robot,

@@ -9,12 +9,16 @@ from channels.messages import Hello, Report
 
 
 class RobotFailure(Exception):
-    """A robot that can no longer take part: which one, and why."""
+    """A robot that can no longer take part: which one, and why.
 
-    def __init__(self, robot: str, cause: str) -> None:
+    `mistaken`: it cannot work with the scenario, and `cause` begins with the key.
+    """
+
+    def __init__(self, robot: str, cause: str, *, mistaken: bool = False) -> None:
         super().__init__(f"robot {robot} {cause}")
         self.robot = robot
         self.cause = cause
+        self.mistaken = mistaken
 
 
 class Fleet(Protocol):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from agent.behaviours.coverage.density import density_from
-from agent.behaviours.parameters import pair
+from agent.parameters import pair
 from channels.units import NS_PER_S
 from logs.reader import LogReader
 from scenarios.coverage.cost import cost, mean_until, optimum

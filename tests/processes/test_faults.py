@@ -430,3 +430,19 @@ def test_a_file_called_as_one_of_ours_does_no_harm(tmp_path: Path) -> None:
         capture_output=True, text=True, timeout=TIMEOUT_S, cwd=tmp_path, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("fleet", ["zenoh", "in_process"])
+def test_a_scenario_that_a_behaviour_cannot_work_with_is_a_mistake_of_the_user(
+    fleet: str, tmp_path: Path
+) -> None:
+    code = "from agent import ParameterError\n\n" + PREAMBLE
+    bad = "raise ParameterError('params.tries: must be 1 or more, is 0')"
+    scenario = write_scenario(tmp_path, f"{code}\n\ndef bad(robot):\n    {bad}\n", TOML)
+    out = tmp_path / "log.mcap"
+    done = heliograph("run", scenario, "--fleet", fleet, "--out", out, "--json")
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    told = done.stderr.strip().splitlines()[-1]
+    assert told == f"heliograph: {scenario.stem}: params.tries: must be 1 or more, is 0 (as robot r01 found)"
+    assert out.exists()

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from emulator.errors import RunFailed
+from emulator.errors import UserError
 from emulator.scoring import score
 from logs.reader import LogReader
 from scenarios.association.score_noisy import calibration, first_claims, last_rates
@@ -116,7 +116,7 @@ def test_lights_out_of_radio_range_are_strangers(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_are_told_in_one_sentence(params: str, sentence: str, tmp_path: Path) -> None:
-    with pytest.raises(RunFailed) as failure:
+    with pytest.raises(UserError) as failure:
         run(tmp_path, params)
     assert sentence in str(failure.value)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from emulator.errors import RunFailed
+from emulator.errors import UserError
 from emulator.scoring import score
 from logs.reader import LogReader
 from tests.support import run_scenario, write_scenario
@@ -253,23 +253,23 @@ def test_among_moving_robots_a_step_without_a_frame_changes_nothing(tmp_path: Pa
     ],
 )  # fmt: skip
 def test_params_that_do_not_do(behaviour: str, params: str, sentence: str, tmp_path: Path) -> None:
-    with pytest.raises(RunFailed) as failed:
+    with pytest.raises(UserError) as failed:
         run(tmp_path, behaviour, params)
-    assert f"failed: ValueError: {sentence}" in str(failed.value)
+    assert f"mine: {sentence}" in str(failed.value)
 
 
 @pytest.mark.parametrize("step_s", ["0.0", "-1", "true"])
 def test_steps_that_do_not_last(step_s: str, tmp_path: Path) -> None:
     toml = SCENARIO.format(behaviour="stationary:associate", params=P, radio=14, camera=14)
     path = write_scenario(tmp_path, "", toml.replace("step_s = 0.5", f"step_s = {step_s}"))
-    with pytest.raises(RunFailed, match="must be a number greater than 0"):
+    with pytest.raises(UserError, match="must be a number greater than 0"):
         run_scenario(path, tmp_path / "log.mcap", "in_process")
 
 
 def test_two_robots_of_one_number(tmp_path: Path) -> None:
     twin = '[[robot]]\nid = "r05"\nparams = { number = 3 }\n'
     with pytest.raises(
-        RunFailed, match="r03 and r05 both have number 3; give each robot a number of its own"
+        UserError, match="r03 and r05 both have number 3; give each robot a number of its own"
     ):
         run(tmp_path, "naive:associate", "ids = 14", more=twin, radio=50)
 

@@ -19,7 +19,7 @@ from agent.behaviours.dissemination.selection import selection
 from agent.behaviours.dissemination.wire import Wire
 from agent.host import RobotHost
 from channels.messages import Grant, Hello, RadioPlan, Report, encode
-from emulator.errors import RunFailed
+from emulator.errors import UserError
 from emulator.run import Options, Outcome, run
 from emulator.scenario_file import load
 from logs.reader import LogReader
@@ -197,7 +197,7 @@ def test_who_joins_late_has_heard_nothing_before_and_who_leaves_falls_silent(tmp
     ],
 )
 def test_one_mistake_one_sentence(tmp_path: Path, override: str, sentence: str) -> None:
-    with pytest.raises(RunFailed) as failed:
+    with pytest.raises(UserError) as failed:
         emulated(tmp_path, override, "run.duration_s=20", name="dissemination-mixed")
     assert sentence in str(failed.value)
 
@@ -227,22 +227,22 @@ def test_a_radio_without_slots_has_none() -> None:
     assert answer is not None
     report = msgspec.msgpack.decode(answer, type=Report)
     assert report.ended is not None
-    assert 'the radio has no slots; set radio.access = "tdma"' in report.ended
+    assert report.ended == 'radio.access: must be "tdma", for this behaviour speaks in slots'
 
 
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [
-        ("params.scheme=flooding", "ValueError: radio.tdma.units: flooding sends everything"),
-        ("radio.access=ideal", 'RuntimeError: the radio has no slots; set radio.access = "tdma"'),
-        ("params.gain=0.0", "ValueError: params.gain: must be a number greater than 0, is 0.0"),
-        ("params.area_m=[90.0, -1.0]", "ValueError: params.area_m: must be greater than 0 both ways"),
-        ("params.density=hilly", "ValueError: params.density"),
+        ("params.scheme=flooding", "coverage: radio.tdma.units: flooding sends everything"),
+        ("radio.access=ideal", 'coverage: radio.access: must be "tdma", for this behaviour speaks in slots'),
+        ("params.gain=0.0", "coverage: params.gain: must be a number greater than 0, is 0.0"),
+        ("params.area_m=[90.0, -1.0]", "coverage: params.area_m: must be greater than 0 both ways"),
+        ("params.density=hilly", "coverage: params.density"),
     ],
 )
 def test_a_mistake_within_a_task_group_is_told_as_any_other(
     tmp_path: Path, override: str, sentence: str
 ) -> None:
-    with pytest.raises(RunFailed) as failed:
+    with pytest.raises(UserError) as failed:
         emulated(tmp_path, override, "run.duration_s=5", name="coverage")
     assert sentence in str(failed.value)

@@ -130,11 +130,13 @@ def test_slots_without_tdma(tmp_path: Path) -> None:
 async def main(robot):
     try:
         robot.radio.slots()
-    except RuntimeError as error:
+    except ValueError as error:
         robot.log("error", {"v": str(error)})
 """,
     )
-    assert [value for _, _, value in entries] == ['the radio has no slots; set radio.access = "tdma"'] * 2
+    assert [value for _, _, value in entries] == [
+        'radio.access: must be "tdma", for this behaviour speaks in slots'
+    ] * 2
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -41,7 +41,7 @@ FULL = Report(
     [LampCommand(8, 2)],
     [MotionCommand((1.0, -2.0)), MotionCommand(towards_m=(3.0, 4.0), speed_mps=0.5)],
     [LogEntry("name", b'{"a":1}')],
-    "why",
+    "why", True,
 )  # fmt: skip
 
 
@@ -52,7 +52,7 @@ def test_a_report_is_plain_msgpack() -> None:
         [[8, 2]],
         [[[1.0, -2.0], None, 0.0], [[0.0, 0.0], [3.0, 4.0], 0.5]],
         [["name", b'{"a":1}']],
-        "why",
+        "why", True,
     ]  # fmt: skip
     assert decode_report(encode(FULL)) == FULL
     assert decode_report(msgpack.packb([1, None])) == Report(1, None)

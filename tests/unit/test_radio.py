@@ -13,6 +13,7 @@ import pytest
 
 from agent.drivers.camera import Frame
 from agent.outbox import Outbox, TooMuchAtOnce
+from agent.parameters import ParameterError
 from agent.radio import MessageTooLong, Radio, Slot, SlotAccess
 from agent.robot import Observation, Robot
 from channels.messages import (
@@ -117,7 +118,7 @@ def test_a_slot_says_how_much_it_holds(changes: dict[str, Any], capacity: int) -
 
 
 def test_without_slots_there_are_none() -> None:
-    with pytest.raises(RuntimeError, match=r'the radio has no slots; set radio.access = "tdma"'):
+    with pytest.raises(ParameterError, match=r'radio\.access: must be "tdma", for this behaviour'):
         Radio(RadioPlan(4, 0, None, 1), Outbox(), AtZero()).slots()
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from agent.behaviours.parameters import probability, whole_number
+from agent.parameters import ParameterError, probability, whole_number
 from agent.robot import Observation, Robot, Step
 from channels.messages import Message, MessageError
 
@@ -25,7 +25,7 @@ class MessagePairs:
         self.transmission_probability = probability(robot.params, "transmission_probability")
         self.colours = whole_number(robot.params, "colours", 1)
         if self.colours > robot.lamp.colours:
-            raise ValueError(
+            raise ParameterError(
                 f"params.colours: is {self.colours}, but lamps show {robot.lamp.colours}; "
                 f"set lamp.colours to {self.colours} as well"
             )

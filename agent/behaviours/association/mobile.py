@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from agent.behaviours.association.message_pair import MessagePairs
 from agent.behaviours.association.mobile_istate import MobileIState
-from agent.behaviours.parameters import flag, positive, whole_number
+from agent.parameters import ParameterError, flag, positive, whole_number
 from agent.robot import Robot
 
 
@@ -22,7 +22,7 @@ async def associate(robot: Robot) -> None:
     """Associate the voices and the lights in range, for as long as the run lasts."""
     pairs = MessagePairs(robot)
     if pairs.colours != 1:
-        raise ValueError(
+        raise ParameterError(
             f"params.colours: is {pairs.colours}, but among moving robots lights are on or off; set it to 1"
         )
     istate = MobileIState(

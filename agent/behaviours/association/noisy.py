@@ -25,7 +25,7 @@ from typing import Any
 from agent.behaviours.association.message_pair import MessagePairs
 from agent.behaviours.association.noisy_istate import NoisyIState
 from agent.behaviours.association.rates import RATES, ChannelRates
-from agent.behaviours.parameters import Params, flag, positive, probability
+from agent.parameters import ParameterError, Params, flag, positive, probability
 from agent.robot import Robot
 
 EDGE_THRESHOLD = 0.001
@@ -42,7 +42,9 @@ async def associate(robot: Robot) -> None:
     """Associate the voices and the lights in range, for as long as the run lasts."""
     pairs = MessagePairs(robot)
     if pairs.colours != 1:
-        raise ValueError("params.colours: association under noise tells lit from dark only; set colours to 1")
+        raise ParameterError(
+            "params.colours: association under noise tells lit from dark only; set colours to 1"
+        )
     confidence = _confidence(robot.params)
     istate = istate_of(robot.params, pairs.transmission_probability)
     steps = robot.steps(positive(robot.params, "step_s"))
@@ -77,7 +79,7 @@ def istate_of(params: Params, transmission_probability: float) -> NoisyIState:
     try:
         return NoisyIState(rates, estimate=unknown, nobody=probability(params, "nobody", 0.0))
     except ValueError as error:
-        raise ValueError(f"params.{error}") from None
+        raise ParameterError(f"params.{error}") from None
 
 
 def described(istate: NoisyIState, confidence: float) -> dict[str, Any]:
@@ -97,5 +99,5 @@ def described(istate: NoisyIState, confidence: float) -> dict[str, Any]:
 def _confidence(params: Params) -> float:
     confidence = probability(params, "confidence", 0.99)
     if confidence <= 0.5:
-        raise ValueError(f"params.confidence: must be above 0.5, is {confidence}; 0.99 is usual")
+        raise ParameterError(f"params.confidence: must be above 0.5, is {confidence}; 0.99 is usual")
     return confidence

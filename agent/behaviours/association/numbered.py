@@ -18,7 +18,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from agent.behaviours.association.istate import StationaryIState
-from agent.behaviours.parameters import positive, whole_number
+from agent.parameters import ParameterError, positive, whole_number
 from agent.robot import Observation, Robot
 from channels.messages import MessageError
 
@@ -107,10 +107,12 @@ def own_number(robot_id: str, params: Mapping[str, Any], ids: int) -> int:
     else:
         digits = re.search(r"[0-9]+$", robot_id)
         if digits is None:
-            raise ValueError(f"params.number: is missing, and the id {robot_id} ends in no digits; {remedy}")
+            raise ParameterError(
+                f"params.number: is missing, and the id {robot_id} ends in no digits; {remedy}"
+            )
         number = int(digits[0])
     if number >= ids:
-        raise ValueError(
+        raise ParameterError(
             f"params.number: {robot_id} has number {number}, but params.ids = {ids} allows 0 to {ids - 1}; "
             f"raise ids, or {remedy}"
         )
@@ -131,12 +133,12 @@ def announced(observed: Observation, robot_id: str, number: int, ids: int) -> di
             payload = None
         named = payload.get("number") if isinstance(payload, dict) else None
         if type(named) is not int or not 0 <= named < ids:
-            raise ValueError(
+            raise ParameterError(
                 f"params.ids: is {ids}, but {message.sender} announced no number from 0 to {ids - 1}; "
                 "let all robots run the same behaviour with the same ids"
             )
         if owner.setdefault(named, message.sender) != message.sender:
-            raise ValueError(
+            raise ParameterError(
                 f"params.number: {owner[named]} and {message.sender} both have number {named}; "
                 "give each robot a number of its own"
             )

@@ -20,7 +20,7 @@ from typing import Any
 
 from agent.behaviours.association.istate import StationaryIState, survival
 from agent.behaviours.association.message_pair import MessagePairs
-from agent.behaviours.parameters import flag, positive, probability
+from agent.parameters import flag, positive, probability
 from agent.robot import Robot
 
 

@@ -17,7 +17,7 @@ import asyncio
 from agent.behaviours.coverage.controller import centroid, towards
 from agent.behaviours.coverage.density import density_from
 from agent.behaviours.dissemination.disseminate import Exchange, present
-from agent.behaviours.parameters import pair, positive
+from agent.parameters import ParameterError, pair, positive
 from agent.robot import Robot
 
 
@@ -38,7 +38,7 @@ async def cover(robot: Robot) -> None:
 
 
 class Control:
-    """The coverage controller of one robot. Raises ValueError for params that make no sense."""
+    """The coverage controller of one robot. Raises ParameterError for params that make no sense."""
 
     def __init__(self, robot: Robot, exchange: Exchange) -> None:
         params = robot.params
@@ -46,8 +46,11 @@ class Control:
         self._exchange = exchange
         self._area_m = pair(params, "area_m")
         if not min(self._area_m) > 0:
-            raise ValueError(f"params.area_m: must be greater than 0 both ways, is {list(self._area_m)}")
-        self._density = density_from(params, self._area_m)
+            raise ParameterError(f"params.area_m: must be greater than 0 both ways, is {list(self._area_m)}")
+        try:
+            self._density = density_from(params, self._area_m)
+        except ValueError as error:
+            raise ParameterError(str(error)) from None
         self._gain = positive(params, "gain", 0.5)
         self._max_speed = positive(params, "max_speed_mps", 4.0)
         self._period_s = positive(params, "control_s", 0.2)

@@ -24,7 +24,7 @@ from agent.behaviours.dissemination.estimates import Estimate, EstimateTable, Ne
 from agent.behaviours.dissemination.geodesy import TangentPlane
 from agent.behaviours.dissemination.selection import NEW_ESTIMATES, SCHEMES, selection
 from agent.behaviours.dissemination.wire import ESTIMATE_BYTES, PacketError, Wire
-from agent.behaviours.parameters import choice, not_negative, pair, pairs, positive
+from agent.parameters import ParameterError, choice, not_negative, pair, pairs, positive
 from agent.radio import Slot
 from agent.robot import Robot
 
@@ -40,7 +40,7 @@ async def disseminate(robot: Robot) -> None:
 class Exchange:
     """One robot's table of estimates, fed by its radio and spoken in its slots.
 
-    Raises ValueError for params that make no sense, naming the key, and for slots that hold no estimate.
+    Raises ParameterError for params that make no sense, and `speak` for slots that do not hold enough.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -89,15 +89,15 @@ class Exchange:
                     self._selection.heard_first(estimate.number)
 
     def speak(self, slot: Slot) -> None:
-        """Broadcast what the scheme chooses, as it is known now. Raises ValueError as the scheme does."""
+        """Broadcast what the scheme chooses, as it is known now. Raises ParameterError for short slots."""
         m = slot.bytes // ESTIMATE_BYTES
         if m < 1:
-            raise ValueError(
+            raise ParameterError(
                 f"radio.tdma: a slot holds {slot.bytes} bytes and an estimate has {ESTIMATE_BYTES}; set "
                 f"units = 1 or more of unit_bits = {8 * ESTIMATE_BYTES}"
             )
         if self._scheme == "flooding" and m < self._robot.team_size:
-            raise ValueError(
+            raise ParameterError(
                 f"radio.tdma.units: flooding sends everything, so a slot must hold {self._robot.team_size} "
                 f"estimates, not {m}; set units = {self._robot.team_size}, or another params.scheme"
             )
@@ -126,7 +126,7 @@ class Exchange:
         if params.get("new_estimates") != "true-distance":
             return None
         if params.get("distance") == "euclidean-3d":
-            raise ValueError(
+            raise ParameterError(
                 "params.distance: the true distances of true-distance are flat; use euclidean or graph"
             )
         places = pairs(params, "deployment_m", team)
@@ -149,7 +149,7 @@ async def present(robot: Robot, work: Callable[[], Awaitable[None]]) -> None:
             raise
 
 
-def _of_params(error: ValueError) -> ValueError:
+def _of_params(error: ValueError) -> ParameterError:
     """The same, with the key as the scenario has it."""
     text = str(error)
-    return error if text.startswith("params.") else ValueError(f"params.{text}")
+    return ParameterError(text if text.startswith("params.") else f"params.{text}")

@@ -1,6 +1,6 @@
 """What behaviours read from the scenario's [params], with plain words for what is wrong.
 
-Every function raises ValueError with one sentence that names the parameter and what it must be.
+Every function raises ParameterError with one sentence that names the parameter and what it must be.
 """
 
 from __future__ import annotations
@@ -10,6 +10,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 Params = Mapping[str, Any]
+
+
+class ParameterError(ValueError):
+    """A scenario that a behaviour cannot work with: "key: what is wrong and what helps".
+
+    A behaviour that raises it ends the run as a mistake in the scenario, told without a traceback.
+    """
 
 
 def positive(params: Params, key: str, default: float | None = None) -> float:
@@ -100,9 +107,9 @@ def _number(params: Params, key: str, default: float | None, what: str) -> float
     return float(value)
 
 
-def _missing(key: str, what: str) -> ValueError:
-    return ValueError(f"params.{key}: is missing; write {what}")
+def _missing(key: str, what: str) -> ParameterError:
+    return ParameterError(f"params.{key}: is missing; write {what}")
 
 
-def _misfit(key: str, what: str, value: object) -> ValueError:
-    return ValueError(f"params.{key}: must be {what}, is {value!r}")
+def _misfit(key: str, what: str, value: object) -> ParameterError:
+    return ParameterError(f"params.{key}: must be {what}, is {value!r}")
