@@ -145,6 +145,13 @@ def mean_and_error(values: Sequence[float]) -> tuple[float, float | None]:
     return mean, math.sqrt(variance / count)
 
 
+def described(values: Iterable[float | None]) -> dict[str, float | None]:
+    """`mean` and `se` of those values that are there, for a result; None where there are too few."""
+    there = [value for value in values if value is not None]
+    mean, error = mean_and_error(there) if there else (None, None)
+    return {"mean": mean, "se": error}
+
+
 def error_of_sums(samples: int, total: int, square: int, scale: int = 1) -> float | None:
     """Standard error of the mean of values x / scale, from the sums of x and of its square; None below two.
 

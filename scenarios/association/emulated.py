@@ -17,7 +17,7 @@ from scenarios.association.score_mobile import score
 from scenarios.association.study_mobile import MobileParameters
 from scenarios.association.study_mobile import check as check_simulated
 from scenarios.emulated import emulated
-from scenarios.study import Study, mean_and_error
+from scenarios.study import Study, described
 
 SCENARIO = "association-mobile"
 STEP_S = 0.5
@@ -54,7 +54,7 @@ def summarise(_parameters: MobileParameters, partials: Sequence[list[dict[str, A
     """
     scores = [score for partial in partials for score in partial]
     return {
-        **{metric: _mean(scores, metric) for metric in METRICS},
+        **{metric: described(score["all"][metric]["mean"] for score in scores) for metric in METRICS},
         "observers": sum(score["observers"] for score in scores),
         "samples": len(scores),
     }
@@ -81,15 +81,6 @@ def overrides(parameters: MobileParameters) -> list[str]:
 def _score(parameters: MobileParameters, seed: int) -> dict[str, Any]:
     robots, _ = robots_in(parameters.world, parameters.separation, parameters.mobile_fraction)
     return emulated(SCENARIO, score, robots=robots, seed=seed, overrides=overrides(parameters))
-
-
-def _mean(scores: Sequence[dict[str, Any]], metric: str) -> dict[str, float | None]:
-    means = [score["all"][metric]["mean"] for score in scores]
-    defined = [mean for mean in means if mean is not None]
-    if not defined:
-        return {"mean": None, "se": None}
-    mean, error = mean_and_error(defined)
-    return {"mean": mean, "se": error}
 
 
 EMULATED = Study(

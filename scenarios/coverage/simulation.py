@@ -16,7 +16,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterator
 from itertools import count
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from agent.behaviours.coverage.controller import towards
 from agent.behaviours.dissemination.distances import euclidean
 from agent.behaviours.dissemination.estimates import Estimate, EstimateTable, News
-from agent.behaviours.dissemination.selection import MOST_ALPHA, Selection, selection
+from agent.behaviours.dissemination.selection import Selection, selection
 from channels.units import airtime_ns, to_ns
 from scenarios.coverage.kernels import centroids, lloyd_step
+from scenarios.dissemination.parameters import Alpha, BitRate, Bits, NewEstimates, Order, Scheme, SlotLength
 
 Floats = NDArray[np.float64]
 Length = Annotated[float, Meta(gt=0, le=1e6)]
@@ -44,30 +45,19 @@ class CoverageParameters(Struct, frozen=True, kw_only=True, forbid_unknown_field
     robots: Annotated[int, Meta(ge=1, le=100, description="robots, n")] = 9
     side: Annotated[Length, Meta(description="side of the square to cover [m]")] = 90.0
     range: Annotated[Length, Meta(description="how far a robot is heard [m]")] = 36.0
-    m: Annotated[int, Meta(ge=1, le=10_000, description="estimates in a slot")] = 3
-    scheme: Annotated[
-        Literal["location", "location-probabilistic", "flooding", "own", "round-robin", "freshest-first"],
-        Meta(description="which estimates a robot sends"),
-    ] = "location"
-    alpha: Annotated[
-        float, Meta(ge=0, le=MOST_ALPHA, description="importance falls with distance to the power of -alpha")
-    ] = 1.0
-    new_estimates: Annotated[
-        Literal["first", "literal", "true-distance"],
-        Meta(description="what becomes of an estimate just learned, under location"),
-    ] = "first"
-    order: Annotated[
-        Literal["drawn", "fixed", "drawn_each_frame"],
-        Meta(description="of the slots in a frame; drawn: once"),
-    ] = "drawn"
+    m: SlotLength = 3
+    scheme: Scheme = "location"
+    alpha: Alpha = 1.0
+    new_estimates: NewEstimates = "first"
+    order: Order = "drawn"
     gain: Annotated[
         float, Meta(gt=0, le=1e3, description="speed per way to the centroid of the own cell [1/s]")
     ] = 0.5
     max_speed: Annotated[Length, Meta(description="speed limit [m/s]")] = 4.0
     start_box: Annotated[Length, Meta(description="side of the corner in which robots start [m]")] = 18.0
     duration: Annotated[float, Meta(gt=0, le=1e5, description="how long they have [s]")] = 240.0
-    bit_rate: Annotated[float, Meta(gt=0, le=1e9, description="of the radio [bit/s]")] = 3000.0
-    bits: Annotated[int, Meta(ge=1, le=1_000_000, description="of one estimate, b")] = 192
+    bit_rate: BitRate = 3000.0
+    bits: Bits = 192
     control_period: Annotated[
         float, Meta(ge=0.001, le=1e4, description="time between two decisions where to go [s]")
     ] = 0.2

@@ -10,23 +10,23 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from agent.behaviours.dissemination.selection import MOST_ALPHA
 from agent.behaviours.dissemination.wire import ESTIMATE_BITS
 from channels.units import MAX_TIME_NS, NS_PER_S
 from emulator.scenario import MAX_ROBOTS
 from emulator.scenario_file import load
 from scenarios.dissemination.lattices import Lattice
+from scenarios.dissemination.parameters import Alpha, Scheme, SlotLength
 from scenarios.dissemination.score import score
 from scenarios.dissemination.study_propagation import PropagationParameters, summarise
 from scenarios.dissemination.study_propagation import check as check_simulated
 from scenarios.emulated import emulated
-from scenarios.study import Study, mean_and_error
+from scenarios.study import Study, described
 
 Ints = NDArray[np.int64]
 
@@ -119,14 +119,9 @@ PROPAGATION = Study(
 class AgeParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Five flying and four standing robots (`dissemination-mixed`), and what goes wrong."""
 
-    m: Annotated[int, Meta(ge=1, le=100, description="estimates in a slot")] = 3
-    alpha: Annotated[
-        float, Meta(ge=0, le=MOST_ALPHA, description="importance falls with distance to the power of -alpha")
-    ] = 1.0
-    scheme: Annotated[
-        Literal["location", "location-probabilistic", "flooding", "own", "round-robin", "freshest-first"],
-        Meta(description="which estimates a robot sends"),
-    ] = "location"
+    m: SlotLength = 3
+    alpha: Alpha = 1.0
+    scheme: Scheme = "location"
     duration: Annotated[float, Meta(gt=0, le=10_000, description="of a run [s]")] = 300.0
     loss: Annotated[float, Meta(ge=0, le=1, description="of packets, each by itself")] = 0.0
     burst_loss: Annotated[float, Meta(ge=0, le=0.5, description="of packets, in bursts; in the long run")] = (
@@ -199,23 +194,15 @@ def summarise_age(_parameters: AgeParameters, partials: Sequence[list[dict[str, 
     scores = [score for partial in partials for score in partial]
     slots = [each["slots_used"] + each["slots_missed"] for each in scores]
     return {
-        "age_s": _mean([each["age_s"]["mean"] for each in scores]),
-        "age_p95_s": _mean([each["age_s"]["p95"] for each in scores]),
-        "updates_per_minute": _mean([each["updates_per_minute"] for each in scores]),
-        "unknown_part": _mean([each["unknown_part"] for each in scores]),
-        "slots_missed": _mean(
+        "age_s": described([each["age_s"]["mean"] for each in scores]),
+        "age_p95_s": described([each["age_s"]["p95"] for each in scores]),
+        "updates_per_minute": described([each["updates_per_minute"] for each in scores]),
+        "unknown_part": described([each["unknown_part"] for each in scores]),
+        "slots_missed": described(
             [each["slots_missed"] / of for each, of in zip(scores, slots, strict=True) if of]
         ),
         "samples": len(scores),
     }
-
-
-def _mean(values: Sequence[float | None]) -> dict[str, float | None]:
-    defined = [value for value in values if value is not None]
-    if not defined:
-        return {"mean": None, "se": None}
-    mean, error = mean_and_error(defined)
-    return {"mean": mean, "se": error}
 
 
 AGE = Study(

@@ -7,15 +7,15 @@ The shipped scenario `dissemination-mixed`: who stands still and is farthest fro
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
 
-from agent.behaviours.dissemination.selection import MOST_ALPHA
 from channels.units import NS_PER_S
 from logs.reader import LogReader
 from scenarios.dissemination.knowledge import History, knowledge, read
+from scenarios.dissemination.parameters import Alpha, Scheme, SlotLength
 from scenarios.dissemination.score import distances
 from scenarios.dissemination.score_age import S_PER_MINUTE, Floats, spearman
 from scenarios.emulated import emulated
@@ -29,14 +29,9 @@ MS_PER_S = 1000
 class StampsParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the nine robots of the scenario say, and for how long."""
 
-    m: Annotated[int, Meta(ge=1, le=100, description="estimates in a slot")] = 3
-    alpha: Annotated[
-        float, Meta(ge=0, le=MOST_ALPHA, description="importance falls with distance to the power of -alpha")
-    ] = 1.0
-    scheme: Annotated[
-        Literal["location", "location-probabilistic", "flooding", "own", "round-robin", "freshest-first"],
-        Meta(description="which estimates a robot sends"),
-    ] = "location"
+    m: SlotLength = 3
+    alpha: Alpha = 1.0
+    scheme: Scheme = "location"
     duration: Annotated[float, Meta(gt=0, le=10_000, description="of a run [s]")] = 100.0
 
 

@@ -20,7 +20,6 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from agent.behaviours.dissemination.selection import MOST_ALPHA
 from scenarios.dissemination.kernels import (
     PROBABILISTIC,
     Team,
@@ -29,6 +28,7 @@ from scenarios.dissemination.kernels import (
     rule,
     talk,
 )
+from scenarios.dissemination.parameters import Alpha, BitRate, Bits, NewEstimates, Order, Scheme, SlotLength
 from scenarios.dissemination.score_age import Around, Updates, Window, around, summary
 from scenarios.study import Study, mean_and_error
 
@@ -52,28 +52,17 @@ class AgeParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     connected: Annotated[
         bool, Meta(description="draw again until a chain of links joins all; false: take all placements")
     ] = True
-    m: Annotated[int, Meta(ge=1, le=10_000, description="estimates in a slot")] = 3
-    alpha: Annotated[
-        float, Meta(ge=0, le=MOST_ALPHA, description="importance falls with distance to the power of -alpha")
-    ] = 1.0
-    scheme: Annotated[
-        Literal["location", "location-probabilistic", "flooding", "own", "round-robin", "freshest-first"],
-        Meta(description="which estimates a robot sends"),
-    ] = "location"
-    new_estimates: Annotated[
-        Literal["first", "literal", "true-distance"],
-        Meta(description="what becomes of an estimate just learned, under location"),
-    ] = "first"
+    m: SlotLength = 3
+    alpha: Alpha = 1.0
+    scheme: Scheme = "location"
+    new_estimates: NewEstimates = "first"
     distance: Annotated[
         Literal["euclidean", "graph"],
         Meta(description="what importance depends on; graph: hops, n where no chain of links leads"),
     ] = "euclidean"
-    order: Annotated[
-        Literal["drawn", "fixed", "drawn_each_frame"],
-        Meta(description="of the slots in a frame; drawn: once"),
-    ] = "drawn"
-    bit_rate: Annotated[float, Meta(gt=0, le=1e12, description="of the radio [bit/s]")] = 3000.0
-    bits: Annotated[int, Meta(ge=1, le=1_000_000, description="of one estimate, b")] = 192
+    order: Order = "drawn"
+    bit_rate: BitRate = 3000.0
+    bits: Bits = 192
     duration: Annotated[float, Meta(gt=0, le=1e6, description="how long robots talk [s]")] = 300.0
     warm_up: Annotated[
         float, Meta(ge=0, le=1e6, description="time from the start that does not count [s]")

@@ -19,7 +19,6 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from agent.behaviours.dissemination.selection import MOST_ALPHA
 from scenarios.dissemination.kernels import (
     Team,
     fresh_team,
@@ -28,6 +27,7 @@ from scenarios.dissemination.kernels import (
     rule,
 )
 from scenarios.dissemination.lattices import ALL, Lattice, Neighbours
+from scenarios.dissemination.parameters import Alpha, NewEstimates, Order, Scheme, SlotLength
 from scenarios.study import Study, error_of_sums
 
 Ints = NDArray[np.int64]
@@ -48,28 +48,17 @@ class PropagationParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fi
         Neighbours,
         Meta(description="robots that hear one in the middle: 4 or 8, or 6 on a triangular lattice"),
     ] = 4
-    m: Annotated[int, Meta(ge=1, le=10_000, description="estimates in a slot")] = 7
-    alpha: Annotated[
-        float, Meta(ge=0, le=MOST_ALPHA, description="importance falls with distance to the power of -alpha")
-    ] = 1.0
-    scheme: Annotated[
-        Literal["location", "location-probabilistic", "flooding", "own", "round-robin", "freshest-first"],
-        Meta(description="which estimates a robot sends"),
-    ] = "location"
-    new_estimates: Annotated[
-        Literal["first", "literal", "true-distance"],
-        Meta(description="what becomes of an estimate just learned, under location"),
-    ] = "first"
+    m: SlotLength = 7
+    alpha: Alpha = 1.0
+    scheme: Scheme = "location"
+    new_estimates: NewEstimates = "first"
     subgraphs: Annotated[
         str, Meta(description="centred parts of the grid, as 2x2,4x6; all: its centred squares")
     ] = ALL
     distance: Annotated[
         Literal["euclidean", "graph"], Meta(description="what importance depends on; graph: hops")
     ] = "euclidean"
-    order: Annotated[
-        Literal["drawn", "fixed", "drawn_each_frame"],
-        Meta(description="of the slots in a frame; drawn: once"),
-    ] = "drawn"
+    order: Order = "drawn"
     reuse: Annotated[
         Literal["none", "distance_two"],
         Meta(description="of slots: by nobody, or by robots more than two hops apart"),

@@ -23,7 +23,8 @@ from emulator.placement import side_for_neighbours
 from emulator.scenario import MAX_ROBOTS, BounceMotion, RobotSpec
 from emulator.slots import shared_slots
 from emulator.world import World
-from scenarios.study import Study, mean_and_error
+from scenarios.dissemination.parameters import SlotLength
+from scenarios.study import Study, described
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class ReuseParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         Literal["none", "distance_two", "distance_one", "random"],
         Meta(description="who shares a slot; random: drawn, of as many as distance_two takes"),
     ] = "distance_two"
-    m: Annotated[int, Meta(ge=1, le=10_000, description="estimates in a slot")] = 7
+    m: SlotLength = 7
     speed: Annotated[
         float, Meta(ge=0, le=1000, description="of the robots, in directions of their own [m/s]")
     ] = 0.0
@@ -100,21 +101,18 @@ def summarise(_parameters: ReuseParameters, partials: Sequence[list[Frame]]) -> 
     in_range = [max(frame.links, 1) for frame in frames]
     robots = _parameters.robots
     return {
-        "slots_per_frame": _mean([frame.slots for frame in frames]),
-        "frame_rate_hz": _mean([NS_PER_S / frame.frame_ns for frame in frames]),
-        "neighbours": _mean([frame.links / robots for frame in frames]),
-        "collided": _mean([frame.collided / links for frame, links in zip(frames, in_range, strict=True)]),
-        "deaf": _mean([frame.deaf / links for frame, links in zip(frames, in_range, strict=True)]),
-        "receptions_per_robot_s": _mean(
+        "slots_per_frame": described([frame.slots for frame in frames]),
+        "frame_rate_hz": described([NS_PER_S / frame.frame_ns for frame in frames]),
+        "neighbours": described([frame.links / robots for frame in frames]),
+        "collided": described(
+            [frame.collided / links for frame, links in zip(frames, in_range, strict=True)]
+        ),
+        "deaf": described([frame.deaf / links for frame, links in zip(frames, in_range, strict=True)]),
+        "receptions_per_robot_s": described(
             [frame.delivered / robots * NS_PER_S / frame.frame_ns for frame in frames]
         ),
         "samples": len(frames),
     }
-
-
-def _mean(values: Sequence[float]) -> dict[str, float | None]:
-    mean, error = mean_and_error(values)
-    return {"mean": mean, "se": error}
 
 
 def _frame(parameters: ReuseParameters, generator: np.random.Generator) -> Frame:
