@@ -44,7 +44,8 @@ def apply(raw: dict[str, Any], override: str) -> str:
     """Change the document `raw` in place by one "key=value"; returns the key.
 
     Tables on the way are created, except below `params`, where only what the file has can be set, to a
-    value of the same type. Raises InvalidError for a key that does not exist or a value of the wrong type.
+    value of the same type, or to a table where it has a text: a word may stand for one. Raises
+    InvalidError for a key that does not exist or a value of the wrong type.
     """
     key, equals, text = override.partition("=")
     key = key.strip()
@@ -149,10 +150,12 @@ def _set_param(raw: dict[str, Any], own: dict[str, Any], path: Path, depth: int,
         if walked < len(path):
             table = table[step]
     old = table[path[-1]]
-    new = text if isinstance(old, str) and not isinstance(_parsed(text), str) else _parsed(text)
+    new = _parsed(text)
+    if isinstance(old, str) and not isinstance(new, str | dict):
+        new = text
     if isinstance(old, float) and type(new) is int:
         new = float(new)
-    if type(new) is not type(old):
+    if type(new) is not type(old) and not (isinstance(old, str) and isinstance(new, dict)):
         why = f"must be {_kind(old)} like the {shown(old)} in the file, is {shown(new)}"
         raise InvalidError(".".join(path), why)
     table[path[-1]] = new

@@ -25,7 +25,7 @@ def parameters_from(struct: type[S], texts: Mapping[str, str], label: str) -> S:
     for field in msgspec.structs.fields(struct):
         if field.required and field.name not in values:
             words = described(members(_schema(struct))[field.name], "")
-            raise UserError(f"{label}{field.name} is missing: must be {words}")
+            raise UserError(f"{_typed(label, field.name)} is missing: must be {words}")
     return struct(**values)
 
 
@@ -57,9 +57,14 @@ def _value(struct: type[Struct], key: str, text: str, label: str) -> Any:
             raise unknown_key((key,), schemas, raw)
         return msgspec.convert(raw[key], get_type_hints(struct, include_extras=True)[key])
     except msgspec.ValidationError:
-        raise UserError(f"{label}{key}: {misfit((key,), schemas[key], raw[key], raw)}") from None
+        raise UserError(f"{_typed(label, key)}: {misfit((key,), schemas[key], raw[key], raw)}") from None
     except InvalidError as error:
         raise UserError(f"{label}{error}") from None
+
+
+def _typed(label: str, key: str) -> str:
+    """A key as users type it: options have hyphens."""
+    return label + (key.replace("_", "-") if label == "--" else key)
 
 
 def _parsed(text: str) -> Any:

@@ -118,6 +118,7 @@ def draw(table: Table, canvas: Canvas) -> None:
     first.yaxis.set_minor_formatter(NullFormatter())
     first.legend(fontsize=8)
     later.set_xlabel("time [s]")
+    first.set_title("means and standard errors", fontsize=9)
     canvas.supylabel("coverage cost over optimum", fontsize=10)
     for row, compared in enumerate(CELLS_SHOWN):
         _draw_cells(canvas.add_subplot(grid[row, 1]), table, compared)
@@ -158,7 +159,7 @@ def _draw_cells(axes: Axes, table: Table, compared: Compared) -> None:
     axes.autoscale_view()
     axes.set_xticks([])
     axes.set_yticks([])
-    axes.set_title(f"m = {compared.m}, at the end", fontsize=9)
+    axes.set_title(f"m = {compared.m}: end of the first run", fontsize=9)
 
 
 FIGURE = Figure(

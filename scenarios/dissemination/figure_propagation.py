@@ -90,11 +90,11 @@ def draw(table: Table, canvas: Canvas) -> None:
         for number, part in enumerate(PARTS):
             _draw_part(axes, table, new, part, f"C{number}", MARKERS[number])
         axes.set_title(TITLES[new], fontsize=8)
-        axes.set(xlabel="m", xscale="log", yscale="log", xlim=(0.9, 36))
+        axes.set(xlabel="m: estimates in a slot", xscale="log", yscale="log", xlim=(0.9, 36))
         axes.xaxis.set_major_locator(FixedLocator([1, 2, 3, 5, 7, 10, 20, 30]))
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
-    panels[0].set_ylabel("mean propagation time [units]")
+    panels[0].set_ylabel("mean propagation time and standard error [units of one estimate]", fontsize=9)
     _legend(canvas, table)
 
 
@@ -108,7 +108,7 @@ def _draw_part(axes: Axes, table: Table, new: str, part: str, colour: str, marke
         axes.axhline(level, linestyle="--", linewidth=0.8, color=colour)
     emulated = table.where(kind="emulated", new_estimates=new, subgraph=part)
     axes.errorbar(
-        emulated.column("m"), emulated.numbers("units"), yerr=4 * _errors(emulated), fmt="*", markersize=9,
+        emulated.column("m"), emulated.numbers("units"), yerr=_errors(emulated), fmt="*", markersize=9,
         markerfacecolor="white", capsize=2, color=colour, zorder=3,
     )  # fmt: skip
 
@@ -127,7 +127,7 @@ def _legend(canvas: Canvas, table: Table) -> None:
     if table.where(kind="emulated").rows:
         entries.append(
             Line2D([], [], color="0.4", linestyle="", marker="*", markerfacecolor="white", markersize=9,
-                   label="emulated, 4 standard errors")
+                   label="emulated")
         )  # fmt: skip
     canvas.legend(handles=entries, loc="outside lower center", ncols=len(entries), fontsize=8)
 

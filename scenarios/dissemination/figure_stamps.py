@@ -112,6 +112,7 @@ def draw(table: Table, canvas: Canvas) -> None:
         _draw_by_distance(updates, table, compared, "updates_per_minute", "updates_se")
     ages.set(ylabel="mean age [s]", ylim=(0, None))
     ages.legend(fontsize=8)
+    ages.set_title("random placements: means, standard errors", fontsize=9)
     updates.set(xlabel="distance [m]", ylabel="updates a minute", ylim=(0, None))
 
 

@@ -730,3 +730,12 @@ def test_every_shipped_scenario_loads_and_resolves() -> None:
         scenario = load(name)
         assert title == scenario.title != ""
         assert from_resolved(resolved_json(scenario), scenario.folder).name == name
+
+
+def test_a_word_among_params_may_become_a_table_and_nothing_else() -> None:
+    density = "{floor=1.0, hills=[{x_m=20.0, y_m=70.0, sigma_m=10.0, weight=5.0}]}"
+    changed = load("coverage", overrides=[f"params.density={density}"]).params["density"]
+    assert changed == {"floor": 1.0, "hills": [{"x_m": 20.0, "y_m": 70.0, "sigma_m": 10.0, "weight": 5.0}]}
+    assert load("coverage", overrides=["params.density=3"]).params["density"] == "3"
+    with pytest.raises(UserError, match=r"params\.gain: must be a number like the 0\.5 in the file"):
+        load("coverage", overrides=["params.gain={floor=1.0}"])
