@@ -94,7 +94,7 @@ def draw(table: Table, canvas: Canvas) -> None:
         axes.xaxis.set_major_locator(FixedLocator([1, 2, 3, 5, 7, 10, 20, 30]))
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
-    panels[0].set_ylabel("mean propagation time and standard error [units of one estimate]", fontsize=9)
+    panels[0].set_ylabel("propagation time [units], mean and standard error")
     _legend(canvas, table)
 
 

@@ -112,7 +112,7 @@ def draw(table: Table, canvas: Canvas) -> None:
         _draw_by_distance(updates, table, compared, "updates_per_minute", "updates_se")
     ages.set(ylabel="mean age [s]", ylim=(0, None))
     ages.legend(fontsize=8)
-    ages.set_title("random placements: means, standard errors", fontsize=9)
+    ages.set_title("random placements, with standard errors", fontsize=8)
     updates.set(xlabel="distance [m]", ylabel="updates a minute", ylim=(0, None))
 
 

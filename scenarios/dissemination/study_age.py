@@ -192,7 +192,7 @@ def updates(parameters: AgeParameters, placement: Placement, chance: np.random.G
     found = np.empty((slots * min(parameters.m, robots) * (robots - 1), 4), dtype=np.int64)
     count = talk(code, where.hops[0] == 1, distances, importance, *_arrays(fresh_team(robots)),
                   orders.ravel()[:slots], chance.random((slots, picks)), found)  # fmt: skip
-    return _sorted(found[:count], parameters.slot_s)
+    return _sorted(found[:count], parameters)
 
 
 def neighbourhood(parameters: AgeParameters, placement: Placement) -> Around:
@@ -206,10 +206,12 @@ def _summary(parameters: AgeParameters, placement: Placement, newer: Updates) ->
     return found | {"redrawn": placement.redrawn}
 
 
-def _sorted(found: Ints, slot_s: float) -> Updates:
+def _sorted(found: Ints, parameters: AgeParameters) -> Updates:
     """From rows of receiver, origin, slots until reception, and until the stamp."""
     receiver, origin, received, made = found[np.lexsort((found[:, 2], found[:, 1], found[:, 0]))].T
-    return Updates(receiver, origin, received * slot_s, made * slot_s)
+    slot_s = parameters.slot_s
+    # A slot that ends with the duration does so whatever rounding makes of the product.
+    return Updates(receiver, origin, np.minimum(received * slot_s, parameters.duration), made * slot_s)
 
 
 def _arrays(team: Team) -> tuple[Ints, Floats, Ints]:

@@ -68,6 +68,11 @@ def test_only_what_shares_some_time_collides(
     assert [found[robot, 0].ended_ns for robot in (one, other)] == [20, start_ns + airtime_ns]
 
 
+def test_one_that_ended_as_another_began_does_no_harm_while_a_third_goes_on() -> None:
+    found = fates(Send(0, B, 10), Send(10, D, 10), Send(0, E, 100))  # c does not hear e
+    assert [found[robot, 0].reasons[C] for robot in (B, D)] == [OK, OK]
+
+
 def test_one_that_ended_long_ago_still_counts_for_one_that_began_before_it_did() -> None:
     # d talks all the time, b in short words at its beginning, in its midst and at its end.
     found = fates(Send(0, D, 100), Send(0, B, 2), Send(50, B, 2), Send(98, B, 2), Send(100, B, 2))

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from agent.behaviours.coverage.cells import Place
 from agent.behaviours.coverage.controller import centroid, towards, velocity
 from agent.behaviours.coverage.density import UNIFORM, Density, Hill
 
@@ -39,6 +40,14 @@ def test_outside_without_a_cell_it_drives_back_in(
 ) -> None:
     inside = (min(max(own[0], 1.0), 89.0), min(max(own[1], 1.0), 89.0))
     assert centroid(own, [inside], SQUARE) == goal
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "goal"),
+    [((45.0, 50.0), (45.0, 29.0), (45.0, 30.0)), ((120.0, 15.0), (89.0, 15.0), (90.0, 15.0)), ((-9.0, -9.0), (1.0, 1.0), (0.0, 0.0))],
+)  # fmt: skip
+def test_back_in_is_the_nearest_point_of_a_rectangle(own: Place, other: Place, goal: Place) -> None:
+    assert centroid(own, [other], (90.0, 30.0)) == goal
 
 
 def test_a_hill_draws_robots_to_it() -> None:

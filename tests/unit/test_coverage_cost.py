@@ -82,6 +82,14 @@ def test_sixteen_robots_do_better_than_a_grid() -> None:
 def test_the_best_places_of_two_are_halves() -> None:
     assert optimum(2, UNIT).value == pytest.approx(5 / 48, rel=1e-12)
     assert optimum(2, (2.0, 1.0)).value == pytest.approx(2 / 6, rel=1e-12)
+    assert optimum(2, UNIT, Density(3.0)).value == pytest.approx(3 * 5 / 48, rel=1e-12)
+
+
+def test_a_rectangle_is_searched() -> None:
+    least = optimum(9, (2.0, 1.0))
+    assert not least.exact
+    assert all(0 < x < 2 and 0 < y < 1 for x, y in least.positions)
+    assert least.value == pytest.approx(cost(least.positions, (2.0, 1.0)), rel=1e-9)
 
 
 def test_one_robot_stands_at_the_centroid() -> None:
@@ -118,6 +126,7 @@ def test_a_number_of_robots_out_of_bounds_is_refused(robots: int) -> None:
 def test_a_mean_over_time_is_an_area_under_straight_lines() -> None:
     assert mean_until(4.0, [0, 1, 4, 9], [2.0, 4.0, 1.0, 7.0]) == pytest.approx((3.0 + 7.5) / 4)
     assert mean_until(3.0, [0, 1, 4, 9], [2.0, 4.0, 1.0, 7.0]) == pytest.approx((3.0 + 6.0) / 3)
+    assert mean_until(4.0, [1, 3, 4], [2.0, 4.0, 6.0]) == pytest.approx((6.0 + 5.0) / 3)  # from 1 on
     assert mean_until(10.0, [0, 1, 4, 9], [2.0, 4.0, 1.0, 7.0]) is None
     assert mean_until(2.0, [2, 3], [1.0, 1.0]) is None
 

@@ -55,7 +55,7 @@ CENTRES = {
 
 
 @pytest.mark.parametrize("centre", CENTRES.values(), ids=CENTRES)
-@pytest.mark.parametrize("sigma", [0.9, 7.0, 60.0, 2000.0])
+@pytest.mark.parametrize("sigma", [0.9, 7.0, 10.01, 15.01, 60.0, 2000.0])
 def test_gaussian_moments_of_a_rectangle_are_products_of_error_functions(
     centre: tuple[float, float], sigma: float
 ) -> None:
@@ -132,3 +132,17 @@ def test_what_makes_no_sense_is_refused_in_one_sentence(described: Any, sentence
     with pytest.raises(ValueError) as failure:  # noqa: PT011 - the sentence is compared below
         density_from({"density": described}, AREA)
     assert sentence in str(failure.value)
+
+
+def test_the_ends_of_what_is_allowed() -> None:
+    area = (10.0, 100.0)
+
+    def read(sigma_m: float, floor: float) -> Density:
+        hill = {"x_m": 1.0, "y_m": 2.0, "sigma_m": sigma_m, "weight": 8.0}
+        return density_from({"density": {"floor": floor, "hills": [hill]}}, area)
+
+    for sigma_m, floor in ((1.0, 1.0), (10_000.0, 1.0), (5.0, 8e-6)):
+        assert read(sigma_m, floor) == Density(floor, (Hill(1.0, 2.0, sigma_m, 8.0),))
+    for sigma_m, floor in ((0.99, 1.0), (10_001.0, 1.0), (5.0, 7.9e-6)):
+        with pytest.raises(ValueError, match=r"^params\.density\.(hills\[0\]\.sigma_m|floor): must be"):
+            read(sigma_m, floor)

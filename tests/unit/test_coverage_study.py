@@ -40,7 +40,10 @@ def retold(parameters: CoverageParameters, seed: int) -> tuple[list[float], np.n
     n, side = parameters.robots, parameters.side
     places = [list(place) for place in rng.random((n, 2)) * parameters.start_box]
     order = rng.permutation(n).tolist()
-    slot_ms = parameters.m * 64
+    frames = rng.spawn(2)[0]
+    if parameters.order == "fixed":
+        order = list(range(n))
+    slot_ms = parameters.slot_ns // 1_000_000
     known: list[dict[int, tuple[int, float, float]]] = [{} for _ in range(n)]
     speeds = [(0.0, 0.0)] * n
     packet: dict[int, tuple[int, float, float]] = {}
@@ -61,6 +64,8 @@ def retold(parameters: CoverageParameters, seed: int) -> tuple[list[float], np.n
                          UNIFORM, parameters.gain, parameters.max_speed) for i in range(n)
             ]  # fmt: skip
         if now % slot_ms == 0:
+            if parameters.order == "drawn_each_frame" and now % (n * slot_ms) == 0:
+                order = frames.permutation(n).tolist()
             sender = order[now // slot_ms % n]
             packet = {sender: (now, *places[sender])}
             if parameters.scheme == "flooding":
@@ -76,8 +81,18 @@ def retold(parameters: CoverageParameters, seed: int) -> tuple[list[float], np.n
         {**OWN, "robots": 4, "range": 20.0, "duration": 8.0},
         {"m": 4, "scheme": "flooding", "robots": 4, "range": 24.0, "duration": 8.0, "control_period": 0.256},
         {"m": 3, "scheme": "flooding", "robots": 3, "range": 30.0, "side": 40.0, "duration": 12.0},
+        {**OWN, "robots": 4, "range": 20.0, "duration": 8.0, "order": "fixed"},
+        {**OWN, "robots": 4, "range": 20.0, "duration": 8.0, "order": "drawn_each_frame"},
+        {**OWN, "robots": 2, "range": 90.0, "duration": 4.0, "bit_rate": 24_000.0},
     ],
-    ids=["own", "flooding, control and slots at one instant", "flooding, small square"],
+    ids=[
+        "own",
+        "flooding, control and slots at one instant",
+        "flooding, small square",
+        "fixed order",
+        "an order for each frame",
+        "frames of 16 ms",
+    ],
 )
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_rules_told_again_give_the_same_run(parameters: dict[str, Any], seed: int) -> None:

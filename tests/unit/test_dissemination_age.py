@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agent.behaviours.dissemination.distances import hops
 from agent.behaviours.dissemination.estimates import Estimate, EstimateTable, News
 from agent.behaviours.dissemination.selection import selection
 from scenarios.dissemination.score_age import (
@@ -210,6 +211,38 @@ def test_only_the_window_counts() -> None:
     assert found["updates_per_minute"] == 1 / (6 / 60)
 
 
+def test_what_comes_as_the_window_ends_is_an_update_that_is_never_used() -> None:
+    found = summary(heard((0, 1, 10.0, 9.0)), window(10.0, 10.0), standing((0, 0), (4, 0), range_m=5.0), 5.0)
+    assert found["updates_per_minute"] == 1 / (20 / 60)
+    assert found["age_s"]["mean"] is None
+    assert found["never_known"] == {"pairs": 2, "of": 2}
+    assert found["unknown_part"] == 1.0
+
+
+def test_ranks_are_of_rates_while_the_receiver_lives() -> None:
+    """Robot 2 has as many updates as robot 0 in a tenth of the time, so it is the one with more a minute."""
+    places = standing((0, 0), (1, 0), (3, 0), range_m=5.0)  # 0 and 1: 1 m, 1 and 2: 2 m, 0 and 2: 3 m
+    rows = heard((0, 1, 1.0, 1.0), (0, 1, 2.0, 2.0), (0, 2, 1.0, 1.0), (2, 0, 1.0, 1.0))
+    found = summary(rows, window(60.0, 60.0, 6.0), places, 5.0)["spearman"]["all_pairs"]
+    minutes = [2.0, 1.0, 0.0, 0.0, 10.0, 0.0]  # (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)
+    expected = spearman(np.array([1.0, 3.0, 1.0, 2.0, 3.0, 2.0]), np.array(minutes))
+    assert found["distance_and_updates"] == pytest.approx(expected)
+
+
+def test_ranks_are_by_distances_within_the_window() -> None:
+    """Robots 1 and 2 change places after 10 s, when the window begins."""
+    where = around(
+        np.array([0.0, 10.0]), np.array([[(0, 0), (1, 0), (9, 0)], [(0, 0), (6, 0), (4, 0)]]), 20.0
+    )
+    rows = heard(
+        (0, 1, 11.0, 11.0), (0, 2, 11.0, 11.0), (0, 2, 12.0, 12.0), (1, 0, 11.0, 11.0), (2, 0, 11.0, 11.0)
+    )
+    found = summary(rows, window(12.0, 12.0, 12.0, from_s=10.0), where, 5.0)["spearman"]["all_pairs"]
+    # (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)
+    expected = spearman(np.array([6.0, 4.0, 6.0, 2.0, 4.0, 2.0]), np.array([1.0, 2.0, 1.0, 0.0, 1.0, 0.0]))
+    assert found["distance_and_updates"] == pytest.approx(expected)
+
+
 def test_nobody_hears_anything() -> None:
     found = summary(heard(), window(10.0, 10.0), standing((0, 0), (4, 0), range_m=1.0), 5.0)
     assert found["age_s"] == {"mean": None, "p95": None}
@@ -240,6 +273,10 @@ def by_classes(parameters: AgeParameters, placement: Placement) -> set[tuple[int
         table = tables[sender]
         table.update_own(Estimate(sender, slot, *at[sender], 0.0, 0.0))
         known: Sequence[float | None] = [math.dist(at[sender], place) for place in at]
+        if parameters.distance == "graph":
+            known = hops(
+                sender, [Estimate(j, 0, x, y, 0.0, 0.0) for j, (x, y) in enumerate(at)], parameters.range
+            )
         if parameters.new_estimates != "true-distance":
             known = [None if table[j] is None else known[j] for j in team]
         packet = [table[number] for number in schemes[sender].choose(parameters.m, known, table.stamps())]
@@ -273,6 +310,27 @@ def test_the_study_does_what_robots_do(scheme: Any, new_estimates: Any) -> None:
     assert parameters.slots == 60
     assert set(rows) == by_classes(parameters, Placement(PLACES, order))
     assert len(found.receiver) > 100
+
+
+@pytest.mark.parametrize("new_estimates", ["first", "true-distance"])
+def test_by_hops_the_study_does_what_robots_do_and_who_is_cut_off_is_n_hops_away(new_estimates: Any) -> None:
+    """Six robots in a line, and three that nobody hears; known or not, by true-distance they count."""
+    places = np.array(
+        [(10.0 * k, 3.0 * (k % 2)) for k in range(6)] + [(0, 500.0), (500.0, 0), (500.0, 500.0)]
+    )
+    parameters = AgeParameters(
+        robots=9, range=12.0, distance="graph", new_estimates=new_estimates, m=2, bits=300, duration=80.0,
+        connected=False,
+    )  # fmt: skip
+    placement = Placement(places, np.random.default_rng(6).permutation(9))
+    found = updates(parameters, placement, np.random.default_rng(7))
+    rows = zip(
+        found.receiver.tolist(), found.origin.tolist(),
+        np.rint(found.received_s / parameters.slot_s).astype(int).tolist(),
+        np.rint(found.made_s / parameters.slot_s).astype(int).tolist(), strict=True,
+    )  # fmt: skip
+    assert set(rows) == by_classes(parameters, placement)
+    assert len(found.receiver) > 50
 
 
 def test_schemes_are_compared_on_the_same_placements() -> None:
@@ -357,3 +415,23 @@ def test_what_can_be_is_not_refused() -> None:
     check(AgeParameters())
     check(AgeParameters(side=1000.0, connected=False))
     check(AgeParameters(duration=0.192))
+    check(AgeParameters(m=1000, duration=2e5))  # a slot of 64 s carries no more than nine estimates
+
+
+def test_a_slot_that_ends_with_the_duration_is_whole() -> None:
+    for m, duration, slots in (
+        (1, 2.752, 43),
+        (1, 3.264, 51),
+        (1, 2.751, 42),
+        (1, 2.753, 43),
+        (3, 300.0, 1562),
+    ):
+        assert AgeParameters(m=m, duration=duration).slots == slots
+
+
+@pytest.mark.parametrize("slots", [42, 43, 51])
+def test_the_slot_that_ends_with_the_duration_counts(slots: int) -> None:
+    # 43 and 51 slots of 0.064 s are a last digit longer than 2.752 and 3.264 s, as floats go.
+    parameters = AgeParameters(robots=2, side=1.0, m=1, scheme="own", duration=round(slots * 0.064, 3))
+    result = run_study(STUDY, parameters, samples=2, jobs=1)
+    assert result["updates_per_minute"]["mean"] == pytest.approx(slots * 60 / (2 * parameters.duration))

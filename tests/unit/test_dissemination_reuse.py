@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -71,6 +71,40 @@ def test_robots_that_move_outgrow_their_slots() -> None:
 
 def test_errors_of_a_single_team_are_unknown() -> None:
     assert result(1, robots=9)["neighbours"]["se"] is None
+
+
+def test_random_slots_are_drawn_of_as_many_as_colours_take() -> None:
+    """Of 100 robots hardly ever nobody draws the last one."""
+    of: list[Literal["random", "distance_two"]] = ["random", "distance_two"]
+    drawn, coloured = (
+        [
+            frame.slots
+            for frame in simulate(ReuseParameters(neighbours=4.0, reuse=reuse), np.random.default_rng(1), 1)
+        ]
+        for reuse in of
+    )
+    assert drawn == coloured
+
+
+def test_what_a_robot_gets_to_hear_is_what_is_neither_lost_nor_missed() -> None:
+    found = means(1, robots=100, reuse="random")
+    heard = found["neighbours"] * (1 - found["collided"] - found["deaf"])
+    assert found["receptions_per_robot_s"] == pytest.approx(heard * found["frame_rate_hz"])
+
+
+def test_robots_have_gone_their_ways_when_the_next_whole_frame_begins() -> None:
+    """Five slots of 64 ms; from 1 s on the first frame begins at 1.28 s. Each is judged as it ends."""
+    parameters = ReuseParameters(robots=5, reuse="none", m=1, neighbours=2.0, speed=40.0, after=1.0)
+    for seed in range(5):
+        (frame,) = simulate(parameters, np.random.default_rng(seed), 1)
+        rng, side = np.random.default_rng(seed), side_for_neighbours(5, 2.0, 36.0)
+        places, angles = rng.random((5, 2)) * side, rng.uniform(0, 2 * np.pi, 5)
+        links = 0
+        for sender in range(5):
+            way = 40.0 * (1.28 + 0.064 * (sender + 1)) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            folded = np.abs((places + way + side) % (2 * side) - side)  # there and back between walls
+            links += int(np.count_nonzero(np.hypot(*(folded - folded[sender]).T) <= 36.0)) - 1
+        assert frame.links == links
 
 
 @pytest.mark.parametrize(

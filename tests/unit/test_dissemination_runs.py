@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -23,10 +25,12 @@ from emulator.errors import UserError
 from emulator.run import Options, Outcome, run
 from emulator.scenario_file import load
 from logs.reader import LogReader
+from scenarios.places import positions
 
 SLOT_NS = 64_000_000
 GUARD_NS = 1000
 RANGE_M = 36.0
+GRID_OF_16 = [[15.0 + 30.0 * (k % 4), 15.0 + 30.0 * (k // 4)] for k in range(16)]
 
 
 def emulated(
@@ -57,6 +61,10 @@ class Modelled:
         team = len(places)
         self.places, self.m = places, m
         self.distance = settings.pop("distance", "euclidean")
+        deployment = settings.pop("deployment_m", None)
+        self.deployment = deployment and [
+            Estimate(j, 0, x, y, 0.0, 0.0) for j, (x, y) in enumerate(deployment)
+        ]
         self.wire = Wire(TangentPlane((0.0, 0.0)), team)
         self.tables = [EstimateTable(number, team) for number in range(team)]
         self.schemes = [selection(scheme, number, team, **settings) for number in range(team)]
@@ -65,7 +73,7 @@ class Modelled:
         table = self.tables[sender]
         x, y = self.places[sender]
         table.update_own(Estimate(sender, time_ms, x, y, 0.0, 0.0))
-        known = table.listed()
+        known = self.deployment or table.listed()
         distances = euclidean(sender, known) if self.distance == "euclidean" else hops(sender, known, RANGE_M)
         chosen = self.schemes[sender].choose(self.m, distances, table.stamps())
         entry = {"sent": chosen, "stamps_ms": table.stamps(), "complete": table.complete}
@@ -91,6 +99,8 @@ class Modelled:
         ("location", 4, {}),
         ("location", 3, {"new_estimates": "literal", "alpha": 2.0}),
         ("location", 4, {"distance": "graph"}),
+        ("location", 3, {"new_estimates": "true-distance", "deployment_m": GRID_OF_16}),
+        ("location", 3, {"new_estimates": "true-distance", "deployment_m": GRID_OF_16, "distance": "graph"}),
         ("round-robin", 3, {}),
         ("freshest-first", 3, {}),
         ("own", 1, {}),
@@ -115,7 +125,7 @@ def test_robots_on_the_emulator_say_what_the_pure_classes_would(
     )
     run(scenario, Options(out=tmp_path / "run.mcap", fleet="in_process", echo=None))
     team = Modelled(
-        [(15.0 + 30.0 * (k % 4), 15.0 + 30.0 * (k // 4)) for k in range(16)],
+        [(x, y) for x, y in GRID_OF_16],
         units,
         scheme,
         **settings,
@@ -156,6 +166,56 @@ def test_packets_are_24_bytes_an_estimate_and_fill_the_slot_to_the_bit(tmp_path:
         assert record["airtime_ns"] == 64_000_000 * len(data["sent"])
         sizes.add(len(data["sent"]))
     assert sizes == {1, 2, 3}  # at first nobody knows anybody
+
+
+def test_robots_say_where_they_are_how_high_and_where_they_head(tmp_path: Path) -> None:
+    """On the air, as a receiver that knows the origin reads it; flying robots have moved since the start."""
+    log = emulated(tmp_path, "run.duration_s=2.0", name="dissemination-mixed").log
+    with LogReader(log) as reader:
+        truth = list(reader.records("/truth"))
+    robots = {robot["robot"]: robot for robot in truth[0][1]["robots"]}
+    assert {robot.get("altitude_m", 0.0) for robot in robots.values()} == {0.0, 10.0}
+    wire = Wire(TangentPlane((48.1, 11.3)), 9)
+    said = radio(log)
+    assert {record["from"] for _, record in said} == set(robots)
+    for end_ns, record in said:
+        start_ns = end_ns - record["airtime_ns"]
+        own = wire.unpack(base64.b64decode(record["payload"]["base64"]))[0]
+        robot = robots[record["from"]]
+        (at,) = positions(truth, {"kind": "bounce", "speed_mps": 0.0}, [start_ns])
+        assert own.time_ms == start_ns // 1_000_000
+        assert (own.x_m, own.y_m) == pytest.approx(tuple(at[own.number]), abs=0.01)
+        assert own.z_m == robot.get("altitude_m", 0.0)
+        # Nobody has met a wall yet.
+        assert math.remainder(own.yaw_rad - robot["heading_rad"], math.tau) == pytest.approx(0, abs=1e-6)
+    assert len({round(robot["heading_rad"], 3) for robot in robots.values()}) == 9
+
+
+def test_params_that_are_left_out_are_those_of_the_docstring(tmp_path: Path) -> None:
+    """For robots at two altitudes, where the distance through the air is another than that over the ground."""
+    bare = _shipped("dissemination-mixed").read_text().split("[params]")[0]
+    said = {}
+    for name, params in (
+        ("left out", ""),
+        ("written", 'scheme = "location"\nalpha = 1.0\nnew_estimates = "first"\ndistance = "euclidean"\norigin_deg = [0.0, 0.0]\njoins_s = 0.0'),
+        ("through the air", 'distance = "euclidean-3d"'),
+    ):  # fmt: skip
+        (tmp_path / "x.toml").write_text(f"{bare}[params]\n{params}\n")
+        outcome = emulated(tmp_path, "run.duration_s=20.0", name=str(tmp_path / "x.toml"))
+        said[name] = [record["payload"] for _, record in radio(outcome.log)]
+        outcome.log.unlink()
+    assert said["left out"] == said["written"] != said["through the air"]
+
+
+def test_who_comes_and_leaves_does_so_by_the_clock(tmp_path: Path) -> None:
+    text = _shipped("dissemination-mixed").read_text()
+    text += '\n[[robot]]\nid = "r03"\nparams = { joins_s = 4.0, leaves_s = 10.0 }\n'
+    (tmp_path / "x.toml").write_text(text)
+    log = emulated(tmp_path, "run.duration_s=20.0", name=str(tmp_path / "x.toml")).log
+    spoke = [time_ns for time_ns, robot, _ in entries(log) if robot == "r03"]
+    assert 4e9 <= min(spoke) < 6e9
+    assert 8e9 < max(spoke) < 10e9
+    assert [(time_ns, robot) for time_ns, robot, _ in entries(log, "joined")] == [(4_000_000_000, "r03")]
 
 
 def test_who_joins_late_has_heard_nothing_before_and_who_leaves_falls_silent(tmp_path: Path) -> None:

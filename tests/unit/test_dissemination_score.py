@@ -34,7 +34,7 @@ from scenarios.dissemination.knowledge import (
     transmissions,
 )
 from scenarios.dissemination.lattices import Lattice
-from scenarios.dissemination.score import score_history, slots_of
+from scenarios.dissemination.score import MOST_DISTANCES, instants_s, places, score_history, slots_of
 from scenarios.dissemination.stamps import received
 
 NAMES = ("a", "b", "c", "d")
@@ -207,6 +207,15 @@ def test_what_is_no_packet_tells_nothing(payload: Any) -> None:
     assert score_history(history(radio))["estimates_sent"] == 1
 
 
+def test_who_joins_throws_away_what_had_arrived_by_then() -> None:
+    """What arrives at that very instant as well; what is still on the way is heard."""
+    radio = [sent(0, ("a", 0))]  # at b and c 64 ms and 100 ns after the start
+    for joined_ns, heard in ((64 * MS, [1, 2]), (64 * MS + 99, [1, 2]), (64 * MS + 100, [2]), (65 * MS, [2])):
+        (one,) = transmissions(radio, NAMES, {"b": joined_ns})
+        assert one.receivers == heard
+        assert one.received_ns == [64 * MS + LATENCY_NS] * len(heard)
+
+
 def test_an_empty_log_tells_nothing() -> None:
     assert rows(known([])) == []
     assert rows(known([sent(0, to="")])) == []
@@ -322,6 +331,8 @@ def test_costs_by_hand() -> None:
         sent(3, ("d", 384), ("b", 128), late_ms=1),  # runs over the end
         sent(3, ("d", 384), late_ms=-1),  # begins too early
         sent(3, ("d", 384), dropped={"out_of_slot": ["b", "c"]}, to=""),
+        sent(3, ("d", 384), dropped={"too_long": ["b", "c"]}, to=""),
+        sent(3, ("d", 384), dropped={"queue_full": ["b", "c"]}, to="", airtime_ns=0),
         sent(2, ("d", 384), sender="d", slot=3),  # in somebody else's
         sent(3, ("d", 384), slot=None),
     ],
@@ -367,6 +378,43 @@ def test_slots_of_a_given_length() -> None:
     )
     assert endless is not None
     assert endless.units is None
+
+
+def test_overhead_takes_room_in_a_slot_and_is_no_payload() -> None:
+    given = {"units": None, "unit_bits": None, "slot_s": 0.2}  # 600 bits
+    for overhead_bits, units in ((24, 3), (25, 2), (216, 2), (217, 1), (600, 0), (1000, 0)):
+        slots = slots_of(with_radio(history(), given, overhead_bits=overhead_bits))
+        assert slots is not None
+        assert slots.units == units
+    radio = [sent(0, ("a", 0), bits=192 + 16), sent(1, ("b", 128), ("a", 0), bits=384 + 16)]
+    found = score_history(with_radio(history(radio), {}, overhead_bits=16))
+    assert found["bytes_sent"] == 24 * 3
+    assert found["per_robot"]["bytes_sent"] == {"a": 24, "b": 48, "c": 0, "d": 0}
+
+
+def test_altitude_counts_in_slots_and_distances() -> None:
+    """Robots above one another: 0, 6, 12, 18 m high and 10 m in range, at one place on the ground."""
+    begin_ns, record = start([(1.0, 1.0)] * 4)
+    for number, robot in enumerate(record["robots"]):
+        robot["altitude_m"] = 6.0 * number
+    above = history(truth=[(begin_ns, record)])
+    shared = slots_of(with_radio(above, {"reuse": "distance_one"}))
+    assert shared is not None
+    assert shared.per_frame == 2
+    assert places(above, [0.0])[0].tolist() == [[1.0, 1.0, 6.0 * number] for number in range(4)]
+    found = score_history(above)
+    assert [part["from_m"] for part in found["by_distance"]] == [5.0, 10.0, 15.0]
+    assert list(found["by_hops"]) == ["1", "2", "3"]
+
+
+def test_places_are_looked_at_once_a_second_and_more_rarely_in_long_runs() -> None:
+    moving = moved(0, "a", 0.001, 0.0)
+    assert instants_s(history(end_ms=10_000)).tolist() == [0.0]
+    assert instants_s(covering(moving, end_ms=10_000)).tolist() == [float(second) for second in range(10)]
+    assert instants_s(covering(moving, end_ms=500)).tolist() == [0.0]
+    long = instants_s(covering(moving, end_ms=1_000_000_000))
+    assert len(long) == MOST_DISTANCES // 16
+    assert np.diff(long) == pytest.approx(1_000_000 / len(long))
 
 
 def test_without_slots() -> None:
@@ -480,6 +528,62 @@ def test_beta_stands_still_and_is_remote(tmp_path: Path) -> None:
         assert robot["updates_per_minute"] == len(robot["stamp_s"]) * 2
 
 
+def test_knowledge_of_who_joins_late_is_what_it_logs(tmp_path: Path) -> None:
+    shipped = (files("scenarios.dissemination") / "dissemination.toml").read_text()
+    (tmp_path / "late.toml").write_text(shipped + '\n[[robot]]\nid = "r04"\nparams = { joins_s = 7.0 }\n')
+    overrides = (*GRID, "run.stop.field=never", "run.duration_s=12.0", "radio.tdma.order=fixed")
+    with LogReader(recorded(tmp_path, str(tmp_path / "late.toml"), *overrides, robots=9)) as log:
+        whole = read(log)
+        entries = [entry for entry in log.records("/robot") if entry[1]["entry"] == "dissemination"]
+    first_ns, first = next(entry for entry in entries if entry[1]["robot"] == "r04")
+    assert 7e9 < first_ns < 9e9
+    found = knowledge(whole.transmissions, 9)
+    heard = (found.receiver == 4) & (found.received_ns <= first_ns)
+    assert found.received_ns[found.receiver == 4].min() > 7e9
+    told = {number for number, stamp in enumerate(first["data"]["stamps_ms"]) if stamp is not None}
+    assert told == {4, *found.origin[heard].tolist()}
+
+
+def standing(*x_m: float, **changed: Any) -> History:
+    """Robots on a line, of which `changed` says otherwise."""
+    begin_ns, record = start([(x, 5.0) for x in x_m])
+    for robot in record["robots"]:
+        robot["velocity_mps"] = changed.get(robot["robot"], [0.0, 0.0])
+    motion = {"kind": "bounce", "speed_mps": 0.0}
+    return history(truth=[(begin_ns, record)])._replace(settings=SETTINGS | {"world": {"motion": motion}})
+
+
+def test_beta_is_the_farthest_from_all_of_those_that_stand() -> None:
+    # Sums of distances 13, 11, 11, 27: it is not the one with the longest way to any other.
+    found = received(standing(0.0, 1.0, 2.0, 10.0))
+    assert found["receiver"] == "d"
+    assert [robot["distance_m"] for robot in found["robots"]] == [10.0, 9.0, 8.0]
+    assert received(standing(0.0, 1.0, 2.0, 10.0, d=[0.0, 0.1]))["receiver"] == "a"
+    everybody = {name: [0.0, 0.1] for name in NAMES}
+    assert received(standing(0.0, 1.0, 2.0, 10.0, **everybody))["receiver"] == "d"
+
+
+def test_who_is_told_to_move_moves() -> None:
+    begin = start([(0.0, 5.0), (1.0, 5.0), (2.0, 5.0), (10.0, 5.0)])
+    settings = SETTINGS | {"world": {"motion": {"kind": "commanded", "max_speed_mps": 1.0}}}
+    told = history(truth=[begin, moved(500, "d", 0.0, 0.1)])._replace(settings=settings)
+    found = received(told)
+    assert found["receiver"] == "a"
+    assert [robot["moves"] for robot in found["robots"]] == [False, False, True]
+
+
+def test_stamps_and_receptions_are_in_seconds() -> None:
+    """The clock of d is five seconds ahead; a, which is beta, hears it from b."""
+    radio = [sent(3, ("d", 5384), to="b"), sent(5, ("b", 640), ("d", 5384)), sent(7, ("d", 5896), to="")]
+    found = received(history(radio))
+    assert (found["receiver"], found["duration_s"]) == ("a", 1.024)
+    of = {robot["robot"]: robot for robot in found["robots"]}
+    assert of["d"]["stamp_s"] == [5.384]
+    assert of["d"]["received_s"] == [0.7680001]
+    assert of["d"]["updates_per_minute"] == pytest.approx(60 / 1.024)
+    assert of["c"]["stamp_s"] == []
+
+
 # --- coverage ----------------------------------------------------------------------------------------
 
 
@@ -516,6 +620,20 @@ def test_coverage_follows_who_moves() -> None:
         nearest = ((points - places) ** 2).sum(axis=2).min(axis=1)
         assert found["per_time"][time_s] == pytest.approx(nearest.mean() * 400 / (20**4 / 24), rel=1e-4)
     assert found["final"] == found["per_time"][50]
+
+
+def test_places_are_those_of_robots_that_were_told_where_to_go() -> None:
+    """a makes for (8, 9) at 2.5 m/s, 5 m away, and stops there."""
+    goes = 1000 * MS, {
+        "kind": "motion", "robot": "a", "velocity_mps": [0.0, 0.0], "towards_m": [8.0, 9.0], "speed_mps": 2.5,
+    }  # fmt: skip
+    at = places(covering(goes), [0.0, 1.0, 2.0, 3.0, 10.0])[:, 0]
+    assert at == pytest.approx(np.array([(5, 5, 0), (5, 5, 0), (6.5, 7, 0), (8, 9, 0), (8, 9, 0)]))
+
+
+def test_places_are_those_of_robots_that_bounce() -> None:
+    at = places(standing(1.0, 4.0, 7.0, 10.0, b=[0.5, 2.0]), [0.0, 1.0, 8.0])[:, 1, :2]
+    assert at == pytest.approx(np.array([(4, 5), (4.5, 7), (8, 19)]))  # from 5 up by 16 and back from 20
 
 
 def test_who_has_left_covers_nothing() -> None:

@@ -47,7 +47,14 @@ def test_there_and_back_within_the_resolution() -> None:
 
 
 @pytest.mark.parametrize(
-    ("yaw", "turned"), [(7.0, 7.0 - math.tau), (-4.0, math.tau - 4.0), (100.0, 100.0 - 16 * math.tau)]
+    ("yaw", "turned"),
+    [
+        (math.pi, math.pi),
+        (-math.pi, -math.pi),
+        (7.0, 7.0 - math.tau),
+        (-4.0, math.tau - 4.0),
+        (100.0, 100.0 - 16 * math.tau),
+    ],
 )
 def test_yaw_is_turned_into_half_a_turn_either_way(yaw: float, turned: float) -> None:
     wire = Wire(PLANE, 1)

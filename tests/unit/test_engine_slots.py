@@ -158,6 +158,21 @@ def test_an_order_drawn_for_each_frame_is_the_same_at_the_robot_and_at_the_broke
         assert start_ns % FRAME == record["slot"] * 100 * MS + 10 * MS
 
 
+def test_a_message_that_ends_with_the_frame_has_the_slot_in_which_it_began(tmp_path: Path) -> None:
+    code = """
+async def main(robot):
+    async for slot in robot.radio.slots():
+        robot.radio.broadcast_bytes(bytes(10))
+"""
+    # 80 bits at 800 bit/s fill a slot of 100 ms that has no guard.
+    radio = tdma(', order = "drawn_each_frame"', guard=0).replace("1000", "800")
+    outcome, _ = run_code(tmp_path, code, radio=radio, duration=2.1)
+    records = radio_records(outcome)
+    assert len(records) >= 20
+    for end_ns, record in records:
+        assert (end_ns - 100 * MS) % FRAME == record["slot"] * 100 * MS
+
+
 def speak_each_slot(folder: Path, order: str, seed: int) -> tuple[list[str], Outcome]:
     """Who spoke in ten frames, slot by slot."""
     code = """
