@@ -16,7 +16,6 @@ when it does so late; and `refused packet` with what was wrong with one that is 
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Awaitable, Callable, Sequence
 
 from agent.behaviours.dissemination.distances import DISTANCES, distance_function
@@ -48,8 +47,12 @@ class Exchange:
         self._robot = robot
         self.table = EstimateTable(robot.number, robot.team_size)
         self._scheme = choice(params, "scheme", SCHEMES, "location")
+        link_range_m = positive(params, "link_range_m") if "link_range_m" in params else None
         try:
             plane = TangentPlane(pair(params, "origin_deg", (0.0, 0.0)))
+            self._distances = distance_function(
+                choice(params, "distance", DISTANCES, "euclidean"), link_range_m
+            )
             self._selection = selection(
                 self._scheme,
                 robot.number,
@@ -61,13 +64,6 @@ class Exchange:
         except ValueError as error:
             raise _of_params(error) from None
         self._wire = Wire(plane, robot.team_size)
-        link_range_m = positive(params, "link_range_m", math.inf) if "link_range_m" in params else None
-        try:
-            self._distances = distance_function(
-                choice(params, "distance", DISTANCES, "euclidean"), link_range_m
-            )
-        except ValueError as error:
-            raise _of_params(error) from None
         self._deployment = self._true_places()
 
     async def run(self) -> None:
