@@ -135,6 +135,11 @@ def generator(study: str, seed: int, chunk: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, stable_key(study), chunk])))
 
 
+def one_each(_parameters: object) -> int:
+    """Samples per chunk, for studies whose samples are long, or are compared one by one."""
+    return 1
+
+
 def mean_and_error(values: Sequence[float]) -> tuple[float, float | None]:
     """Mean of independent values, and its standard error (None below two of them)."""
     count = len(values)

@@ -17,7 +17,7 @@ from scenarios.association.score_mobile import score
 from scenarios.association.study_mobile import MobileParameters
 from scenarios.association.study_mobile import check as check_simulated
 from scenarios.emulated import emulated
-from scenarios.study import Study, described
+from scenarios.study import Study, described, one_each
 
 SCENARIO = "association-mobile"
 STEP_S = 0.5
@@ -32,11 +32,6 @@ def check(parameters: MobileParameters) -> None:
         raise ValueError(
             f"world: {robots} robots are more than the {MAX_ROBOTS} the emulator takes; set less"
         )
-
-
-def one(_parameters: MobileParameters) -> int:
-    """Runs per chunk."""
-    return 1
 
 
 def simulate(
@@ -89,7 +84,7 @@ EMULATED = Study(
     parameters=MobileParameters,
     samples=8,
     unit="runs",
-    chunk=one,
+    chunk=one_each,
     simulate=simulate,
     summarise=summarise,
     check=check,

@@ -20,7 +20,7 @@ from scenarios.coverage.study_coverage import summarise
 from scenarios.dissemination.knowledge import read
 from scenarios.dissemination.score import places
 from scenarios.emulated import emulated
-from scenarios.study import Study
+from scenarios.study import Study, one_each
 
 SCENARIO = "coverage"
 SAMPLE_S = 1.0
@@ -38,11 +38,6 @@ def check(parameters: CoverageParameters) -> None:
         raise ValueError(f"bits: an estimate of the emulator's robots has {ESTIMATE_BITS}; leave it so")
     if parameters.new_estimates == "true-distance":
         raise ValueError("new_estimates: robots that move know no true distances; set first or literal")
-
-
-def one(_parameters: CoverageParameters) -> int:
-    """Runs per chunk."""
-    return 1
 
 
 def simulate(parameters: CoverageParameters, generator: np.random.Generator, samples: int) -> list[Course]:
@@ -89,7 +84,7 @@ EMULATED = Study(
     parameters=CoverageParameters,
     samples=4,
     unit="runs",
-    chunk=one,
+    chunk=one_each,
     simulate=simulate,
     summarise=summarise,
     check=check,

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from scenarios.coverage.cost import Optimum, mean_until, optimum
 from scenarios.coverage.simulation import NS_PER_MS, Course, CoverageParameters, simulate_one
-from scenarios.study import Study, mean_and_error
+from scenarios.dissemination.parameters import check_flooding
+from scenarios.study import Study, mean_and_error, one_each
 
 Floats = NDArray[np.float64]
 
@@ -24,10 +25,7 @@ MOST_EVENTS = 10_000_000
 def check(parameters: CoverageParameters) -> None:
     """Raises ValueError for parameters that do not go together, naming the key."""
     robots, m = parameters.robots, parameters.m
-    if parameters.scheme == "flooding" and m < robots:
-        raise ValueError(
-            f"m: flooding sends everything, so a slot must take {robots} estimates; set m to {robots}"
-        )
+    check_flooding(parameters.scheme, m, robots)
     if parameters.start_box > parameters.side:
         raise ValueError(
             f"start_box: {parameters.start_box:g} m is more than the side of the square; set "
@@ -45,11 +43,6 @@ def check(parameters: CoverageParameters) -> None:
         raise ValueError(
             f"duration: makes more than {MOST_EVENTS} events a run; set less, or longer periods or slots"
         )
-
-
-def one(_parameters: CoverageParameters) -> int:
-    """Runs per chunk: each has a generator of its own, so that run i starts alike whatever is compared."""
-    return 1
 
 
 def simulate(parameters: CoverageParameters, generator: np.random.Generator, samples: int) -> list[Course]:
@@ -113,7 +106,7 @@ STUDY = Study(
     parameters=CoverageParameters,
     samples=60,
     unit="runs",
-    chunk=one,
+    chunk=one_each,
     simulate=simulate,
     summarise=summarise,
     check=check,

@@ -21,12 +21,12 @@ from channels.units import MAX_TIME_NS, NS_PER_S
 from emulator.scenario import MAX_ROBOTS
 from emulator.scenario_file import load
 from scenarios.dissemination.lattices import Lattice
-from scenarios.dissemination.parameters import Alpha, Scheme, SlotLength
+from scenarios.dissemination.parameters import Alpha, Scheme, SlotLength, check_flooding
 from scenarios.dissemination.score import score
 from scenarios.dissemination.study_propagation import PropagationParameters, summarise
 from scenarios.dissemination.study_propagation import check as check_simulated
 from scenarios.emulated import emulated
-from scenarios.study import Study, described
+from scenarios.study import Study, described, one_each
 
 Ints = NDArray[np.int64]
 
@@ -37,11 +37,6 @@ RANGE_M = {4: 36.0, 8: 43.0}
 """Between the distances of the neighbours and of the next robots after them."""
 UNIT_S = ESTIMATE_BITS / 3000.0
 GUARD_S = 1e-6
-
-
-def one(_parameters: object) -> int:
-    """Runs per chunk."""
-    return 1
 
 
 # --- propagation ---------------------------------------------------------------------------------
@@ -105,7 +100,7 @@ PROPAGATION = Study(
     parameters=PropagationParameters,
     samples=8,
     unit="runs",
-    chunk=one,
+    chunk=one_each,
     simulate=simulate_propagation,
     summarise=summarise,
     check=check_propagation,
@@ -136,8 +131,7 @@ class AgeParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 def check_age(parameters: AgeParameters) -> None:
     """Raises ValueError for parameters that do not go together, naming the key."""
-    if parameters.scheme == "flooding" and parameters.m < 9:
-        raise ValueError("m: flooding sends everything, so a slot must take 9 estimates; set m to 9")
+    check_flooding(parameters.scheme, parameters.m, 9)
     if parameters.dying + parameters.late > 9:
         raise ValueError("dying: there are 9 robots, and who joins late does not die; set fewer")
 
@@ -211,7 +205,7 @@ AGE = Study(
     parameters=AgeParameters,
     samples=8,
     unit="runs",
-    chunk=one,
+    chunk=one_each,
     simulate=simulate_age,
     summarise=summarise_age,
     check=check_age,

@@ -26,3 +26,11 @@ Order: TypeAlias = Annotated[
 ]
 BitRate: TypeAlias = Annotated[float, Meta(gt=0, le=1e9, description="of the radio [bit/s]")]
 Bits: TypeAlias = Annotated[int, Meta(ge=1, le=1_000_000, description="of one estimate, b")]
+
+
+def check_flooding(scheme: str, m: int, robots: int) -> None:
+    """Raises ValueError where flooding is to go into slots that do not hold everything."""
+    if scheme == "flooding" and m < robots:
+        raise ValueError(
+            f"m: flooding sends everything, so a slot must take {robots} estimates; set m to {robots}"
+        )

@@ -15,11 +15,11 @@ from msgspec import Meta, Struct
 from channels.units import NS_PER_S
 from logs.reader import LogReader
 from scenarios.dissemination.knowledge import History, knowledge, read
-from scenarios.dissemination.parameters import Alpha, Scheme, SlotLength
+from scenarios.dissemination.parameters import Alpha, Scheme, SlotLength, check_flooding
 from scenarios.dissemination.score import distances
 from scenarios.dissemination.score_age import S_PER_MINUTE, Floats, spearman
 from scenarios.emulated import emulated
-from scenarios.study import Study, mean_and_error
+from scenarios.study import Study, mean_and_error, one_each
 
 SCENARIO = "dissemination-mixed"
 ROBOTS = 9
@@ -37,15 +37,7 @@ class StampsParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 def check(parameters: StampsParameters) -> None:
     """Raises ValueError for parameters that do not go together, naming the key."""
-    if parameters.scheme == "flooding" and parameters.m < ROBOTS:
-        raise ValueError(
-            f"m: flooding sends everything, so a slot must take {ROBOTS} estimates; set m to {ROBOTS}"
-        )
-
-
-def one(_parameters: StampsParameters) -> int:
-    """Runs per chunk."""
-    return 1
+    check_flooding(parameters.scheme, parameters.m, ROBOTS)
 
 
 def simulate(
@@ -139,7 +131,7 @@ STAMPS = Study(
     parameters=StampsParameters,
     samples=8,
     unit="runs",
-    chunk=one,
+    chunk=one_each,
     simulate=simulate,
     summarise=summarise,
     check=check,

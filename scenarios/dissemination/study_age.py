@@ -28,7 +28,16 @@ from scenarios.dissemination.kernels import (
     rule,
     talk,
 )
-from scenarios.dissemination.parameters import Alpha, BitRate, Bits, NewEstimates, Order, Scheme, SlotLength
+from scenarios.dissemination.parameters import (
+    Alpha,
+    BitRate,
+    Bits,
+    NewEstimates,
+    Order,
+    Scheme,
+    SlotLength,
+    check_flooding,
+)
 from scenarios.dissemination.score_age import Around, Updates, Window, around, summary
 from scenarios.study import Study, mean_and_error
 
@@ -95,10 +104,7 @@ class Placement(Struct, frozen=True):
 def check(parameters: AgeParameters) -> None:
     """Raises ValueError for parameters that do not go together, naming the key."""
     robots, m = parameters.robots, parameters.m
-    if parameters.scheme == "flooding" and m < robots:
-        raise ValueError(
-            f"m: flooding sends everything, so a slot must take {robots} estimates; set m to {robots}"
-        )
+    check_flooding(parameters.scheme, m, robots)
     if parameters.slots < 1:
         raise ValueError(
             f"duration: {parameters.duration:g} s hold no slot, which takes {parameters.slot_s:g} s; set more"

@@ -24,7 +24,7 @@ from emulator.scenario import MAX_ROBOTS, BounceMotion, RobotSpec
 from emulator.slots import shared_slots
 from emulator.world import World
 from scenarios.dissemination.parameters import SlotLength
-from scenarios.study import Study, described
+from scenarios.study import Study, described, one_each
 
 Floats = NDArray[np.float64]
 
@@ -76,11 +76,6 @@ def check(parameters: ReuseParameters) -> None:
         )
     if parameters.after > 0 and parameters.speed == 0:
         raise ValueError("after: nothing changes while robots stand still; set speed as well")
-
-
-def one(_parameters: ReuseParameters) -> int:
-    """Teams per chunk."""
-    return 1
 
 
 def simulate(parameters: ReuseParameters, generator: np.random.Generator, samples: int) -> list[Frame]:
@@ -187,7 +182,7 @@ STUDY = Study(
     parameters=ReuseParameters,
     samples=20,
     unit="teams",
-    chunk=one,
+    chunk=one_each,
     simulate=simulate,
     summarise=summarise,
     check=check,
