@@ -23,6 +23,7 @@ from agent.drivers.lamp import Lamp
 from agent.outbox import Outbox
 from agent.radio import Radio
 from agent.waiting import sleep_until
+from channels.graphs import Graph
 from channels.messages import MAX_NAME, Hello, LogEntry, Message, encode_entry
 from channels.units import to_ns, to_s
 
@@ -39,6 +40,8 @@ class Robot:
         """How many robots the team has."""
         self.params: Mapping[str, Any] = hello.params
         """The scenario's [params] for this robot."""
+        self.graph: Graph | None = hello.graph
+        """Where robots can go, in metres; None where the world has no graph."""
         self.radio = Radio(hello.radio, outbox, clock)
         self.lamp = Lamp(hello.colours, outbox, clock)
         self.camera = Camera()

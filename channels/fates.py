@@ -27,6 +27,7 @@ class Reason(IntEnum):
     half_duplex = 7
     collision = 8
     burst = 9
+    no_line_of_sight = 10
     not_a_candidate = 255
     """The sender itself."""
 
@@ -68,6 +69,9 @@ class Batch(Struct, frozen=True, gc=False):
     """(N,) the robot's radio is on."""
     on_air: OnAir | None = None
     """None where nothing overlaps, or overlapping does no harm."""
+    places: Ints | None = None
+    """(N,) vertices of the world's graph that robots communicate from, -1: none; as `positions` never written
+    to. None where the link model is none of a graph."""
 
     @property
     def starts_ns(self) -> NDArray[np.int64]:

@@ -2,15 +2,16 @@
 
 Gates are asked in this order, and the first that refuses a receiver names the reason:
 
-    range           out_of_range    disc around the sender
-    queue           queue_full      it never left the sender
-    length          too_long        no slot could hold it (TDMA)
-    slot            out_of_slot     not wholly inside the sender's own slot, by true time (TDMA)
-    receiver        receiver_down   the receiver's radio is off
-    half duplex     half_duplex     the receiver was transmitting itself (`collisions`)
-    collision       collision       the receiver was in range of another transmission (`collisions`)
-    bursts          burst           chance that remembers (`bursts`)
-    loss            loss            chance that does not
+    range           out_of_range        disc around the sender, or links of the world's graph (`link`)
+    sight           no_line_of_sight    an obstacle between the two (`line_of_sight`)
+    queue           queue_full          it never left the sender
+    length          too_long            no slot could hold it (TDMA)
+    slot            out_of_slot         not wholly inside the sender's own slot, by true time (TDMA)
+    receiver        receiver_down       the receiver's radio is off
+    half duplex     half_duplex         the receiver was transmitting itself (`collisions`)
+    collision       collision           another transmission reached the receiver as well (`collisions`)
+    bursts          burst               chance that remembers (`bursts`)
+    loss            loss                chance that does not
 
 All is decided when a transmission ends, with the places the robots have then. Length comes before slot
 because what fits no slot lies inside none. TDMA settings count where access is TDMA; under ideal access
@@ -31,10 +32,13 @@ from channels.fates import Batch, Bools, Fates, Floats, Gate, Ints, OnAir, Reaso
 from channels.gates.bandwidth import QueueGate, TransmitQueues
 from channels.gates.bursts import BurstGate
 from channels.gates.collision import CollisionGate, HalfDuplexGate
+from channels.gates.graph import Links
 from channels.gates.loss import Jitter, LossGate
-from channels.gates.range import Disc, RangeGate
+from channels.gates.range import Disc, RangeGate, Reach
 from channels.gates.receiver import ReceiverGate
+from channels.gates.sight import Shadowed, Shadows, SightGate
 from channels.gates.tdma import LengthGate, SlotGate
+from channels.graphs import Graph, Rectangle
 from channels.randomness import stable_keys
 from channels.settings import RadioSettings
 from channels.tdma import Schedule, schedule_of, slot_order
@@ -46,12 +50,42 @@ _DELIVERED = np.uint8(Reason.delivered)
 _NOT_A_CANDIDATE = np.uint8(Reason.not_a_candidate)
 
 
+def range_of(settings: RadioSettings, altitudes_m: Sequence[float] | None, graph: Graph | None) -> Reach:
+    """Who is in range of whom, obstacles apart. Raises ValueError for a link model without what it needs."""
+    if settings.link == "graph":
+        if graph is None:
+            raise ValueError("link is graph, but the world has none")
+        return Links(graph)
+    if settings.range_m is None:
+        raise ValueError("link is disc, but there is no range_m")
+    return Disc(settings.range_m, None if altitudes_m is None else np.array(altitudes_m))
+
+
+def shadows_of(settings: RadioSettings, obstacles: Sequence[Rectangle]) -> Shadows | None:
+    """Who is hidden from whom; None where nobody ever is."""
+    if settings.link != "disc" or not settings.line_of_sight or not obstacles:
+        return None
+    return Shadows(obstacles)
+
+
+def reach_of(
+    settings: RadioSettings,
+    altitudes_m: Sequence[float] | None,
+    graph: Graph | None,
+    obstacles: Sequence[Rectangle],
+) -> Reach:
+    """Whom a transmission reaches at all, be it heard or in the way; raises as `range_of`."""
+    reach, shadows = range_of(settings, altitudes_m, graph), shadows_of(settings, obstacles)
+    return reach if shadows is None else Shadowed(reach, shadows)
+
+
 class Medium:
     """One radio channel shared by a team. Robots are indexed in the order of `robots`.
 
     `slots`: which slot is whose, where robots share them; None: each has one of its own, by the settings.
-    `altitudes_m`: how high each robot is; None: all on one plane. Raises ValueError for TDMA without its
-    settings, or with slots that nothing fits into.
+    `altitudes_m`: how high each robot is; None: all on one plane. `graph`, `obstacles`: the world's, in
+    metres, for link models that ask for them. Raises ValueError for TDMA without its settings, or with slots
+    that nothing fits into, and for a link model without what it needs.
     """
 
     def __init__(
@@ -62,9 +96,12 @@ class Medium:
         *,
         slots: Sequence[int] | None = None,
         altitudes_m: Sequence[float] | None = None,
+        graph: Graph | None = None,
+        obstacles: Sequence[Rectangle] = (),
     ) -> None:
         self._settings = settings
-        self._disc = Disc(settings.range_m, None if altitudes_m is None else np.array(altitudes_m))
+        self._range = range_of(settings, altitudes_m, graph)
+        self._shadows = shadows_of(settings, obstacles)
         self._keys = stable_keys(robots)
         self.schedule: Schedule | None = None
         """None: no slots."""
@@ -83,12 +120,17 @@ class Medium:
         self._gates = self._chain(seed)
 
     def _chain(self, seed: int) -> list[Gate]:
-        gates: list[Gate] = [RangeGate(self._disc), QueueGate()]
+        gates: list[Gate] = [RangeGate(self._range)]
+        reach = self._range
+        if self._shadows is not None:
+            gates.append(SightGate(self._shadows))
+            reach = Shadowed(reach, self._shadows)
+        gates.append(QueueGate())
         if self.schedule is not None:
             gates += [LengthGate(self.schedule), SlotGate(self.schedule, self.slots)]
         gates.append(ReceiverGate())
         if self._settings.collisions:
-            gates += [HalfDuplexGate(), CollisionGate(self._disc)]
+            gates += [HalfDuplexGate(), CollisionGate(reach)]
         if self._settings.bursts is not None:
             gates.append(BurstGate(self._settings.bursts, self._keys, seed))
         if self._settings.loss > 0:
@@ -130,13 +172,14 @@ class Medium:
         positions: Floats,
         listening: Bools,
         on_air: OnAir | None = None,
+        places: Ints | None = None,
     ) -> Fates:
         """Fates of the transmissions that end now; shapes and meanings as in `Batch`.
 
-        `positions` must not be written to afterwards: what follows from it is kept as long as the same
-        array object comes back.
+        `positions` and `places` must not be written to afterwards: what follows from them is kept as long
+        as the same array objects come back.
         """
-        batch = Batch(now_ns, senders, seqs, airtimes_ns, refused, positions, listening, on_air)
+        batch = Batch(now_ns, senders, seqs, airtimes_ns, refused, positions, listening, on_air, places)
         reason = np.zeros((len(senders), len(positions)), dtype=np.uint8)
         reason[np.arange(len(senders)), senders] = _NOT_A_CANDIDATE
         for gate in self._gates:

@@ -23,10 +23,11 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
+from channels.graphs import Graph
 from channels.settings import MAX_PAYLOAD_BYTES
 from channels.units import to_s
 
-PROTOCOL = 2
+PROTOCOL = 3
 MAX_REPORT_BYTES = 16 * 1024 * 1024
 MAX_TRANSMISSIONS = 1000
 """Most messages one robot may hand to its radio at one instant."""
@@ -91,6 +92,8 @@ class Hello(Struct, array_like=True, frozen=True):
     team: int = 1
     """How many robots there are."""
     altitude_m: float = 0.0
+    graph: Graph | None = None
+    """Of the world, in metres."""
 
 
 class Transmission(Struct, array_like=True, frozen=True, gc=False):

@@ -55,7 +55,8 @@ class BurstSettings(Struct, frozen=True, forbid_unknown_fields=True):
 class RadioSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """The radio medium: who is in range, when it may speak, how long that takes, what gets lost."""
 
-    range_m: Positive
+    range_m: Positive | None = None
+    """What `link` = "disc" needs."""
     access: Literal["ideal", "tdma"] = "ideal"
     tdma: TdmaSettings | None = None
     bit_rate_bps: Positive | None = None
@@ -76,6 +77,11 @@ class RadioSettings(Struct, frozen=True, forbid_unknown_fields=True):
     transmits hears nobody."""
     max_payload_bytes: Annotated[int, Meta(ge=1, le=MAX_PAYLOAD_BYTES)] | None = None
     """None: what the units of a slot hold, where slots have units; else 1024."""
+    link: Literal["disc", "graph"] = "disc"
+    """Who is in range: all within `range_m`, or those whose places in the world's graph hear each other. A
+    robot's place is the vertex that it stood at last: who is on its way communicates as from there."""
+    line_of_sight: bool = False
+    """A disc with shadows: nobody is heard through an obstacle, however high robots are."""
 
 
 def payload_limit(radio: RadioSettings) -> int:

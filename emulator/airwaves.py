@@ -101,7 +101,13 @@ class Airwaves:
         batch, self._ending = self._ending, Ending(self._robots)
         return batch
 
-    def decide(self, now_ns: int, batch: Ending, positions: NDArray[np.float64]) -> Fates:
+    def decide(
+        self,
+        now_ns: int,
+        batch: Ending,
+        positions: NDArray[np.float64],
+        places: NDArray[np.int64] | None = None,
+    ) -> Fates:
         """Ask the medium, and keep count."""
         fates = self._medium.transmit(
             now_ns,
@@ -112,6 +118,7 @@ class Airwaves:
             positions,
             self._listening,
             self._overlapping(now_ns, batch) if self._medium.collides else None,
+            places,
         )
         self._counts += np.bincount(fates.reason.ravel(), minlength=256)
         return fates

@@ -11,7 +11,7 @@ import msgspec
 from channels.clocks import LocalClock, draw_clocks
 from channels.medium import Medium
 from channels.messages import Hello, RadioPlan
-from channels.randomness import Draws, stable_key
+from channels.randomness import Draws, stable_keys
 from channels.settings import payload_limit
 from channels.units import to_ns
 from emulator.airwaves import Airwaves
@@ -20,7 +20,7 @@ from emulator.eyes import Eyes
 from emulator.fleet import Fleet
 from emulator.lamps import Lamps
 from emulator.parts import Parts, StopRule
-from emulator.scenario import RobotSpec, Scenario, area_m, resolved_json
+from emulator.scenario import RobotSpec, Scenario, area_m, obstacles, resolved_json, world_graph
 from emulator.slots import shared_slots
 from emulator.world import World
 from logs.recorder import Recorder
@@ -50,6 +50,8 @@ def make_recorder(
         attachments=attachments(scenario, user_files(scenario, specs) if files is None else files),
         arena_m=area_m(scenario),
         altitudes_m=_altitudes(specs),
+        graph=world_graph(scenario),
+        obstacles=obstacles(scenario),
     )
     recorder.truth(0, _start(scenario, specs))
     return recorder
@@ -61,8 +63,10 @@ def make_medium(scenario: Scenario, specs: Sequence[RobotSpec]) -> Medium:
         scenario.radio,
         [spec.id for spec in specs],
         scenario.seed,
-        slots=shared_slots(scenario.radio, specs, scenario.seed),
+        slots=shared_slots(scenario.radio, specs, scenario.seed, world_graph(scenario), obstacles(scenario)),
         altitudes_m=_altitudes(specs),
+        graph=world_graph(scenario),
+        obstacles=obstacles(scenario),
     )
 
 
@@ -72,10 +76,11 @@ def make_parts(
     """Everything the engine needs."""
     robots = [spec.id for spec in specs]
     stop = scenario.run.stop
+    graph = world_graph(scenario) if scenario.radio.link == "graph" else None
     return Parts(
         robots=robots,
         fleet=fleet,
-        world=World(area_m(scenario), specs, scenario.world.motion),
+        world=World(area_m(scenario), specs, scenario.world.motion, graph),
         airwaves=Airwaves(medium, robots, scenario.radio.overhead_bits),
         eyes=Eyes(scenario.camera, robots, scenario.seed) if scenario.camera is not None else None,
         lamps=Lamps(len(robots), to_ns(scenario.lamp.latency_s)),
@@ -93,13 +98,14 @@ def make_hellos(
     scenario: Scenario, specs: Sequence[RobotSpec], medium: Medium, clocks: Sequence[LocalClock] | None
 ) -> list[Hello]:
     """What each robot is told at its start."""
-    seeds = Draws(scenario.seed, "robot generator")
+    seeds = rng_seeds(scenario.seed, [spec.id for spec in specs])
+    graph = world_graph(scenario)
     return [
         Hello(
             robot=spec.id,
             behaviour=spec.behaviour,
             params=spec.params,
-            rng_seed=int(seeds.bits(stable_key(spec.id))),
+            rng_seed=seeds[index],
             clock_ns=0 if clocks is None else clocks[index].local(0),
             pose=(*spec.position_m, spec.heading_rad),
             radio=_radio_plan(scenario, medium, index),
@@ -107,9 +113,16 @@ def make_hellos(
             number=index,
             team=len(specs),
             altitude_m=spec.altitude_m,
+            graph=graph,
         )
         for index, spec in enumerate(specs)
     ]
+
+
+def rng_seeds(seed: int, ids: Sequence[str]) -> list[int]:
+    """The seed of each robot's own generator, a function of the scenario's seed and the robot's id alone."""
+    draws = Draws(seed, "robot generator")
+    return [int(draws.bits(key)) for key in stable_keys(ids)]
 
 
 def _start(scenario: Scenario, specs: Sequence[RobotSpec]) -> dict[str, object]:

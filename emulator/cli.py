@@ -21,7 +21,7 @@ from emulator.errors import RunFailed, UserError
 from emulator.fleet.supervisor import HASH_SEED
 from emulator.progress import progress_bar
 from emulator.run import FleetName, Options, Outcome, run, with_duration
-from emulator.scenario import Scenario, area_m, team
+from emulator.scenario import Scenario, area_m, team, world_graph
 from emulator.scenario_file import load, shipped
 from emulator.scoring import check_functions, score
 from emulator.table import outcome_table, score_table
@@ -167,8 +167,10 @@ def _check(parsed: argparse.Namespace) -> int:
     scenario = _scenario(parsed)
     check_functions(scenario)
     width, height = area_m(scenario)
+    graph = world_graph(scenario)
+    of_graph = f", a graph of {len(graph.vertices)} vertices and {len(graph.edges)} edges" if graph else ""
     print(
-        f"{scenario.name}: fine; {len(team(scenario))} robots on {width:.1f} m x {height:.1f} m, "
+        f"{scenario.name}: fine; {len(team(scenario))} robots on {width:.1f} m x {height:.1f} m{of_graph}, "
         f"at most {scenario.run.duration_s:g} s"
     )
     return OK

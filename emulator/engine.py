@@ -254,7 +254,8 @@ class Engine:
         batch = airwaves.take_batch()
         if batch is None:
             return
-        fates = airwaves.decide(now, batch, self._parts.world.positions(now))
+        world = self._parts.world
+        fates = airwaves.decide(now, batch, world.positions(now), world.places(now))
         deliveries = fates.deliveries()
         self._record(self._parts.recorder.radio_batch, now, *batch.for_record(), fates.reason, deliveries)
         for row, (receivers, delays_ns) in enumerate(deliveries):

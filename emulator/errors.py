@@ -1,4 +1,4 @@
-"""The two ways in which a command ends badly, each with its exit code."""
+"""The two ways in which a command ends badly, each with its exit code; and what is wrong with a scenario."""
 
 from __future__ import annotations
 
@@ -9,6 +9,18 @@ class UserError(Exception):
     """A mistake in what the user gave: one plain sentence naming file, key and remedy."""
 
     exit_code = 2
+
+
+class InvalidError(Exception):
+    """A scenario that cannot be: `key` is at fault, the message says why.
+
+    `names_key`: the message already names the key.
+    """
+
+    def __init__(self, key: str, why: str, *, names_key: bool = False) -> None:
+        super().__init__(why)
+        self.key = key
+        self.names_key = names_key
 
 
 class RunFailed(Exception):

@@ -6,11 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import Literal
 
+from channels.graphs import Graph, starts
 from channels.randomness import Draws, stable_keys
 
 Vector = tuple[float, float]
-Placement = Literal["uniform", "grid", "jittered_grid"]
-"""Anywhere in the area; in the centre of a cell of its own; anywhere in a cell of its own."""
+Placement = Literal["uniform", "grid", "jittered_grid", "graph"]
+"""Anywhere in the area; in the centre of a cell of its own; anywhere in a cell of its own; at a start of the
+world's graph."""
 
 CENTRE = (0.5, 0.5)
 
@@ -36,14 +38,22 @@ def along(heading_rad: float, speed_mps: float) -> Vector:
 
 
 def places(
-    placement: Placement, seed: int, ids: Sequence[str], width_m: float, height_m: float
+    placement: Placement,
+    seed: int,
+    ids: Sequence[str],
+    width_m: float,
+    height_m: float,
+    graph: Graph | None = None,
 ) -> list[Vector]:
     """Where each robot of a team starts [m] if all of it is placed in one way, in team order.
 
     What is drawn for a robot depends on the seed, the placement and its own id only; its cell of a grid
     follows from its index in the team. `jittered_grid`: Ivanov & Shell 2016, sec. 5.4, perturbed uniformly
-    by up to half a grid spacing in either direction along each axis.
+    by up to half a grid spacing in either direction along each axis. `graph`: of the placement of that name.
     """
+    if placement == "graph":
+        assert graph is not None
+        return [graph.vertices[vertex] for vertex in starts(graph, len(ids))]
     if placement == "grid":
         return grid(len(ids), width_m, height_m)
     if placement == "jittered_grid":

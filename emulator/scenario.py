@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
+from channels.graphs import Graph, Rectangle
 from channels.settings import (
     CameraSettings,
     ClockSettings,
@@ -20,6 +21,7 @@ from channels.settings import (
     Positive,
     RadioSettings,
 )
+from emulator.graphs import GraphSettings, graph_of
 from emulator.groups import MAX_SPEED_MPS, Altitude, CruiseSpeed, GroupSettings, Name, group_of_each
 from emulator.placement import (
     Placement,
@@ -76,7 +78,9 @@ class RunSettings(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class WorldSettings(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the robots are. Exactly one of `area_m` and `neighbours` sets the size of the area."""
+    """Where the robots are. Exactly one of `area_m`, `neighbours` and `graph` sets the size of the area, or
+    `area_m` does with a graph that fits in.
+    """
 
     area_m: tuple[Side, Side] | None = None
     """Width and height of a rectangle with one corner at (0, 0)."""
@@ -88,6 +92,9 @@ class WorldSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Cells of a grid are those of the whole team, in team order, whoever else is placed otherwise."""
     heading: Literal["drawn", "zero"] = "drawn"
     motion: Motion = StaticMotion()
+    graph: GraphSettings | None = None
+    obstacles: list[Rectangle] = []
+    """Rectangles x0, y0, x1, y1 [m] that shadow the radio, besides those of the graph."""
 
 
 class RobotSettings(Struct, frozen=True, forbid_unknown_fields=True):
@@ -169,8 +176,13 @@ def team_ids(settings: Settings) -> list[str]:
         return [robot.id for robot in settings.robot]
     if isinstance(settings.robots, list):
         return list(settings.robots)
+    return numbered_ids(settings.robots)
+
+
+def numbered_ids(robots: int) -> list[str]:
+    """Ids of robots that a scenario counts and does not name."""
     # The same robot has the same id in a team of any size: draws are made by id.
-    return [f"r{number:02d}" for number in range(settings.robots)]
+    return [f"r{number:02d}" for number in range(robots)]
 
 
 def area_m(settings: Settings) -> Vector:
@@ -178,8 +190,20 @@ def area_m(settings: Settings) -> Vector:
     if settings.world.area_m is not None:
         return settings.world.area_m
     assert settings.world.neighbours is not None
+    assert settings.radio.range_m is not None
     side = side_for_neighbours(len(team_ids(settings)), settings.world.neighbours, settings.radio.range_m)
     return side, side
+
+
+def world_graph(settings: Settings) -> Graph | None:
+    """The world's graph, in metres; None where it has none."""
+    return graph_of(settings.world.graph)
+
+
+def obstacles(settings: Settings) -> list[Rectangle]:
+    """All obstacles there are: the world's own, and those of its graph."""
+    graph = world_graph(settings)
+    return [*settings.world.obstacles, *(graph.obstacles if graph is not None else ())]
 
 
 def groups(settings: Settings) -> dict[str, GroupSettings]:
@@ -291,5 +315,6 @@ def _places(settings: Settings, group_of: Mapping[str, GroupSettings]) -> list[V
     ids = list(group_of)
     wanted = [group_of[name].placement or settings.world.placement for name in ids]
     corner = settings.world.start_area_m or area_m(settings)
-    of_team = {way: places(way, settings.seed, ids, *corner) for way in dict.fromkeys(wanted)}
+    graph = world_graph(settings)
+    of_team = {way: places(way, settings.seed, ids, *corner, graph) for way in dict.fromkeys(wanted)}
     return [of_team[way][index] for index, way in enumerate(wanted)]

@@ -18,6 +18,8 @@ from channels.keys import ROBOT_ID
 from channels.settings import RadioSettings, TdmaSettings, payload_limit
 from channels.tdma import slot_length_ns
 from channels.units import MAX_TIME_NS, NS_PER_S, airtime_ns, to_ns
+from emulator.errors import InvalidError
+from emulator.graph_checks import check_link, check_starts, check_world_graph
 from emulator.groups import GroupSettings, size
 from emulator.placement import Vector, heading_of
 from emulator.scenario import (
@@ -31,19 +33,9 @@ from emulator.scenario import (
     team_ids,
 )
 
+__all__ = ["InvalidError", "check", "file_of"]
+
 FUNCTION = re.compile(r"([A-Za-z_]\w*(\.[A-Za-z_]\w*)*|[^:]+\.py):[A-Za-z_]\w*", re.ASCII)
-
-
-class InvalidError(Exception):
-    """A scenario that cannot be: `key` is at fault, the message says why.
-
-    `names_key`: the message already names the key.
-    """
-
-    def __init__(self, key: str, why: str, *, names_key: bool = False) -> None:
-        super().__init__(why)
-        self.key = key
-        self.names_key = names_key
 
 
 def check(settings: Settings) -> None:
@@ -52,11 +44,14 @@ def check(settings: Settings) -> None:
         _check_spans(section, msgspec.to_builtins(getattr(settings, section)))
     _check_team(settings)
     _check_groups(settings)
+    check_link(settings)
     _check_area(settings)
+    check_world_graph(settings, area_m(settings))
     _check_start_area(settings)
     _check_radio(settings.radio)
     for robot in settings.robot:
         _check_robot(settings, robot)
+    check_starts(settings)
     _check_functions(settings)
 
 
@@ -148,6 +143,10 @@ def _check_area(settings: Settings) -> None:
     if world.area_m is None and world.neighbours is None:
         why = "missing key world.area_m: give the area as [width, height], or world.neighbours instead"
         raise InvalidError("world.area_m", why, names_key=True)
+    if world.graph is not None and world.neighbours is not None:
+        raise InvalidError(
+            "world.neighbours", "world.graph sets the size of the area as well; keep one of them"
+        )
     if world.area_m is not None and world.neighbours is not None:
         raise InvalidError(
             "world.neighbours", "world.area_m sets the size of the area as well; keep one of them"

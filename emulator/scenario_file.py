@@ -17,9 +17,10 @@ from typing import Any
 
 import msgspec
 
-from emulator.errors import UserError
+from emulator.errors import InvalidError, UserError
+from emulator.graph_sources import with_graph
 from emulator.scenario import Scenario, Settings
-from emulator.scenario_checks import InvalidError, check, file_of
+from emulator.scenario_checks import check, file_of
 from emulator.scenario_keys import convert
 from emulator.scenario_overrides import apply
 
@@ -51,8 +52,8 @@ def load(
     if seed is not None:
         raw["seed"] = seed
         changes.labels["seed"] = f"--seed {seed}"
-    settings = _settings(raw, changes, overrides)
-    # A shipped scenario with a behaviour of the user's own: the user's files are where the user is.
+    # A shipped scenario with files of the user's own: those are where the user is.
+    settings = _settings(raw, changes, overrides, folder or Path.cwd())
     folder = folder or (Path.cwd() if any(file_of(name) for _, name in _functions(settings)) else None)
     _check_files(settings, folder, changes)
     return _scenario(settings, Path(source).stem, text, folder)
@@ -72,7 +73,7 @@ def from_resolved(json_text: str, folder: Path | None, *, text: bytes = b"") -> 
     if not isinstance(name, str):
         raise UserError(f"{source}: missing key name: must be a text in quotes")
     changes = _Changes(source)
-    settings = _settings(raw, changes, ())
+    settings = _settings(raw, changes, (), folder or Path.cwd())
     _check_files(settings, folder, changes)
     return _scenario(settings, name, text, folder)
 
@@ -103,7 +104,7 @@ def _told(source: str, invalid: InvalidError) -> str:
     return f"{source}: {invalid}" if invalid.names_key else f"{source}: {invalid.key}: {invalid}"
 
 
-def _settings(raw: dict[str, Any], changes: _Changes, overrides: Sequence[str]) -> Settings:
+def _settings(raw: dict[str, Any], changes: _Changes, overrides: Sequence[str], folder: Path) -> Settings:
     raw = copy.deepcopy(raw)
     for override in overrides:
         try:
@@ -112,7 +113,7 @@ def _settings(raw: dict[str, Any], changes: _Changes, overrides: Sequence[str]) 
             raise UserError(_told("--set", invalid)) from None
         changes.labels[key] = f"--set {' '.join(override.split())}"
     try:
-        settings = convert(raw)
+        settings = with_graph(convert(raw), folder)
         check(settings)
     except InvalidError as invalid:
         raise changes.error(invalid) from None

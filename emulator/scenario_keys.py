@@ -10,17 +10,19 @@ import math
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from msgspec import inspect
 
+from emulator.errors import InvalidError
 from emulator.scenario import Settings
-from emulator.scenario_checks import InvalidError
 
 Step = str | int
 Schema = inspect.Type
 Number = inspect.FloatType | inspect.IntType
+
+T = TypeVar("T")
 
 ROOT = inspect.type_info(Settings)
 ANY = inspect.AnyType()
@@ -47,12 +49,17 @@ _STEP = re.compile(r"\.(\w+)|\[(\d+)\]")
 
 def convert(raw: dict[str, Any]) -> Settings:
     """The settings in a document as TOML or JSON gives it. Raises InvalidError for what does not fit."""
+    return fitted(raw, Settings)
+
+
+def fitted(raw: dict[str, Any], kind: type[T]) -> T:
+    """A document as what it is to be. Raises InvalidError for what does not fit."""
     for name, value in raw.items():
         _check_values(name, value)
     try:
-        return msgspec.convert(raw, Settings)
+        return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        raise _translated(str(error), raw) from None
+        raise _translated(str(error), raw, inspect.type_info(kind)) from None
 
 
 def key_of(path: Iterable[Step], raw: Any) -> str:
@@ -100,7 +107,7 @@ def members(schema: Schema) -> dict[str, Schema]:
 def item(schema: Schema, place: int = 0) -> Schema:
     """What a list may hold in one place."""
     for option in options(schema):
-        if isinstance(option, inspect.ListType):
+        if isinstance(option, inspect.ListType | inspect.VarTupleType):
             return option.item_type
         if isinstance(option, inspect.TupleType):
             return option.item_types[place]
@@ -161,13 +168,17 @@ def _described(schema: Schema, name: str, many: int) -> str:
         return "true or false"
     if isinstance(schema, inspect.LiteralType):
         return " or ".join(shown(value) for value in schema.values)
+    a_list = "lists" if plural else "a list"
     if isinstance(schema, inspect.TupleType):
-        count = len(schema.item_types)
-        return f"a list of {count} {described(schema.item_types[0], name, count)}"
-    if isinstance(schema, inspect.ListType):
+        count, first = len(schema.item_types), schema.item_types[0]
+        if all(item == first for item in schema.item_types):
+            return f"{a_list} of {count} {described(first, name, count)}"
+        *most, last = [described(item, name) for item in schema.item_types]
+        return f"{a_list} of {', '.join(most)} and {last}"
+    if isinstance(schema, inspect.ListType | inspect.VarTupleType):
         if tables(schema.item_type):
             return f"[[{name}]] tables"
-        return f"a list of {described(schema.item_type, name, 2)}{_lengths(schema)}"
+        return f"{a_list} of {described(schema.item_type, name, 2)}{_lengths(schema)}"
     return "a table"
 
 
@@ -182,8 +193,8 @@ def _bounds(schema: Number) -> str:
     return f" of at least {schema.ge:.15g}" if schema.ge is not None else ""
 
 
-def _lengths(schema: inspect.ListType) -> str:
-    if schema.min_length and schema.max_length:
+def _lengths(schema: inspect.ListType | inspect.VarTupleType) -> str:
+    if isinstance(schema, inspect.ListType) and schema.min_length and schema.max_length:
         return f" ({schema.min_length} to {schema.max_length} of them)"
     return ""
 
@@ -208,11 +219,11 @@ def _check_values(key: str, value: Any) -> None:
         raise InvalidError(key, f"{value} is a date or time; write it as a text in quotes")
 
 
-def _translated(message: str, raw: dict[str, Any]) -> InvalidError:
+def _translated(message: str, raw: dict[str, Any], root: Schema) -> InvalidError:
     place = _PLACE.fullmatch(message)
     assert place is not None
     path = tuple(name or int(number) for name, number in _STEP.findall(place["path"] or ""))
-    schema = _schema_at(path)
+    schema = _schema_at(path, root)
     value: Any = raw
     for step in path:
         value = _inner(value, step)
@@ -237,8 +248,8 @@ def _chosen(schema: Schema, value: Any) -> dict[str, Schema]:
     return members(schema)
 
 
-def _schema_at(path: Iterable[Step]) -> Schema:
-    schema: Schema = ROOT
+def _schema_at(path: Iterable[Step], root: Schema) -> Schema:
+    schema = root
     for step in path:
         schema = members(schema).get(step, ANY) if isinstance(step, str) else item(schema, step)
     return schema

@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import inspect
 
-from emulator.scenario_checks import InvalidError
+from emulator.errors import InvalidError
 from emulator.scenario_keys import (
     ANY,
     NAMED_BY,
@@ -29,23 +29,29 @@ from emulator.scenario_keys import (
 
 Path = tuple[str, ...]
 
-EXCLUSIVE: dict[Path, str] = {
-    ("world", "area_m"): "neighbours",
-    ("world", "neighbours"): "area_m",
-    ("group", "robots"): "share",
-    ("group", "share"): "robots",
-    ("radio", "slot_s"): "units",
-    ("radio", "units"): "slot_s",
+_GRAPH = ("vertices", "edges", "links", "obstacles")
+EXCLUSIVE: dict[Path, tuple[str, ...]] = {
+    ("world", "area_m"): ("neighbours",),
+    ("world", "neighbours"): ("area_m",),
+    ("world", "graph", "file"): ("generator", "args", *_GRAPH),
+    ("world", "graph", "generator"): ("file", *_GRAPH),
+    ("world", "graph", "vertices"): ("file", "generator", "args"),
+    ("group", "robots"): ("share",),
+    ("group", "share"): ("robots",),
+    ("radio", "tdma", "slot_s"): ("units",),
+    ("radio", "tdma", "units"): ("slot_s",),
 }
-"""Of two keys that exclude each other, setting one takes the other's place."""
+"""Of keys that exclude each other, setting one takes the others' place; groups without their names."""
+ARGS: Path = ("world", "graph", "args")
 
 
 def apply(raw: dict[str, Any], override: str) -> str:
     """Change the document `raw` in place by one "key=value"; returns the key.
 
     Tables on the way are created, except below `params`, where only what the file has can be set, to a
-    value of the same type, or to a table where it has a text: a word may stand for one. Raises
-    InvalidError for a key that does not exist or a value of the wrong type.
+    value of the same type, or to a table where it has a text: a word may stand for one. Arguments of the
+    graph's generator that the file has keep their type, too; others can be added. Raises InvalidError for a
+    key that does not exist or a value of the wrong type.
     """
     key, equals, text = override.partition("=")
     key = key.strip()
@@ -58,6 +64,8 @@ def apply(raw: dict[str, Any], override: str) -> str:
         table, schema, depth = _named_table(raw, path), item(members(ROOT)[path[0]]), 2
     if path[depth] == "params" and len(path) > depth + 1:
         _set_param(raw, table, path, depth, text.strip())
+    elif path[:-1] == ARGS:
+        _set_arg(raw, path, text.strip())
     else:
         _set(raw, table, schema, path, depth, text.strip())
     return key
@@ -100,7 +108,8 @@ def _set(
     value = _value(_member(schema, path, raw), text)
     if any(alternative.tag_field == name for alternative in tables(schema)):
         _keep_known(table, schema, value)
-    table.pop(EXCLUSIVE.get((path[0], name), ""), None)
+    for other in EXCLUSIVE.get((*path[: depth and 1], *path[depth:]), ()):
+        table.pop(other, None)
     table[name] = value
 
 
@@ -149,7 +158,24 @@ def _set_param(raw: dict[str, Any], own: dict[str, Any], path: Path, depth: int,
             raise unknown_key(path[:walked], table if isinstance(table, dict) else (), raw)
         if walked < len(path):
             table = table[step]
-    old = table[path[-1]]
+    table[path[-1]] = _alike(table[path[-1]], text, path)
+    own["params"] = params | {path[depth + 1]: known[path[depth + 1]]}
+
+
+def _set_arg(raw: dict[str, Any], path: Path, text: str) -> None:
+    """Set an argument of the generator of the world's graph."""
+    table, schema = raw, ROOT
+    for walked, step in enumerate(ARGS, 1):
+        schema = members(schema)[step]
+        table = table.setdefault(step, {})
+        if not isinstance(table, dict):
+            raise misfit(path[:walked], schema, table, raw)
+    name = path[-1]
+    table[name] = _alike(table[name], text, path) if name in table else _parsed(text)
+
+
+def _alike(old: Any, text: str, path: Path) -> Any:
+    """The value in a text, if it is of the type that the file has there."""
     new = _parsed(text)
     if isinstance(old, str) and not isinstance(new, str | dict):
         new = text
@@ -158,8 +184,7 @@ def _set_param(raw: dict[str, Any], own: dict[str, Any], path: Path, depth: int,
     if type(new) is not type(old) and not (isinstance(old, str) and isinstance(new, dict)):
         why = f"must be {_kind(old)} like the {shown(old)} in the file, is {shown(new)}"
         raise InvalidError(".".join(path), why)
-    table[path[-1]] = new
-    own["params"] = params | {path[depth + 1]: known[path[depth + 1]]}
+    return new
 
 
 def _kind(value: Any) -> str:

@@ -14,7 +14,8 @@ from typing import Literal
 import networkx as nx
 import numpy as np
 
-from channels.gates.range import Disc
+from channels.graphs import Graph, Rectangle, vertices_at
+from channels.medium import reach_of
 from channels.randomness import Draws
 from channels.settings import RadioSettings
 from emulator.scenario import RobotSpec
@@ -22,12 +23,18 @@ from emulator.scenario import RobotSpec
 Reuse = Literal["none", "distance_two", "distance_one"]
 
 
-def shared_slots(radio: RadioSettings, specs: Sequence[RobotSpec], seed: int) -> list[int] | None:
+def shared_slots(
+    radio: RadioSettings,
+    specs: Sequence[RobotSpec],
+    seed: int,
+    graph: Graph | None = None,
+    obstacles: Sequence[Rectangle] = (),
+) -> list[int] | None:
     """The slot of each robot, in robot order, numbered from 0; None where each is to have one of its own."""
     tdma = radio.tdma
     if radio.access != "tdma" or tdma is None or tdma.reuse == "none":
         return None
-    slots = colouring(connectivity(radio.range_m, specs), tdma.reuse)
+    slots = colouring(connectivity(radio, specs, graph, obstacles), tdma.reuse)
     if tdma.order != "drawn":
         return slots
     draws = Draws(seed, "slot_order").bits(np.arange(max(slots) + 1))
@@ -35,16 +42,25 @@ def shared_slots(radio: RadioSettings, specs: Sequence[RobotSpec], seed: int) ->
     return [place[slot] for slot in slots]
 
 
-def connectivity(range_m: float, specs: Sequence[RobotSpec]) -> nx.Graph[int]:
-    """Robots by their index, joined where they are in range of each other at the start."""
+def connectivity(
+    radio: RadioSettings,
+    specs: Sequence[RobotSpec],
+    graph: Graph | None = None,
+    obstacles: Sequence[Rectangle] = (),
+) -> nx.Graph[int]:
+    """Robots by their index, joined where they hear each other at the start, by the radio's link model.
+
+    `graph`, `obstacles`: of the world, in metres, for link models that ask for them.
+    """
     positions = np.array([spec.position_m for spec in specs], dtype=np.float64).reshape(-1, 2)
-    altitudes = np.array([spec.altitude_m for spec in specs])
-    beyond = Disc(range_m, altitudes).beyond(positions, np.arange(len(specs)))
-    graph: nx.Graph[int] = nx.Graph()
-    graph.add_nodes_from(range(len(specs)))
+    places = None if graph is None else vertices_at(graph.vertices, positions)
+    reach = reach_of(radio, [spec.altitude_m for spec in specs], graph, obstacles)
+    beyond = reach.beyond(positions, places, np.arange(len(specs)))
+    joined: nx.Graph[int] = nx.Graph()
+    joined.add_nodes_from(range(len(specs)))
     rows, columns = np.nonzero(np.triu(~beyond, 1))
-    graph.add_edges_from(zip(rows.tolist(), columns.tolist(), strict=True))
-    return graph
+    joined.add_edges_from(zip(rows.tolist(), columns.tolist(), strict=True))
+    return joined
 
 
 def colouring(graph: nx.Graph[int], reuse: Reuse) -> list[int]:

@@ -13,12 +13,15 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from channels.graphs import Graph
 from channels.messages import MotionCommand
 from channels.units import MAX_TIME_NS, NS_PER_S, to_ns
+from emulator.graph_places import Places
 from emulator.placement import Vector, heading_of
 from emulator.scenario import BounceMotion, CommandedMotion, Motion, RobotSpec
 
 Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
 
 NEVER_NS = 2 * MAX_TIME_NS
 """An instant no run reaches."""
@@ -27,10 +30,12 @@ NEVER_NS = 2 * MAX_TIME_NS
 class World:
     """A rectangle [0, width] x [0, height] of metres with robots in it, indexed in the order of `specs`.
 
-    Raises ValueError for a robot that starts outside.
+    `graph`, in metres: `places` are its vertices. Raises ValueError for a robot that starts outside.
     """
 
-    def __init__(self, area_m: Vector, specs: Sequence[RobotSpec], motion: Motion) -> None:
+    def __init__(
+        self, area_m: Vector, specs: Sequence[RobotSpec], motion: Motion, graph: Graph | None = None
+    ) -> None:
         starts = np.array([spec.position_m for spec in specs], dtype=np.float64).reshape(-1, 2)
         for spec, start in zip(specs, starts, strict=True):
             if not ((start >= 0).all() and (start <= area_m).all()):
@@ -41,6 +46,7 @@ class World:
         else:
             max_speed_mps = motion.max_speed_mps if isinstance(motion, CommandedMotion) else 0.0
             self._movement = _Legs(area_m, starts, [spec.heading_rad for spec in specs], max_speed_mps)
+        self._places = None if graph is None else Places(graph, starts)
         self._takes_commands = isinstance(motion, CommandedMotion)
         self._commanded_ns = 0
         self._computed_ns = -1
@@ -60,6 +66,16 @@ class World:
         self._compute(t_ns)
         return self._poses
 
+    def places(self, t_ns: int) -> Ints | None:
+        """The vertex that every robot communicates from, int64 (N,), read-only; otherwise as `positions`.
+
+        See `graph_places.Places`; -1 for a robot that has stood at none, None for a world without a graph.
+        """
+        if self._places is None:
+            return None
+        self._check_instant(t_ns)
+        return self._places.at(t_ns)
+
     def command(self, robot: int, t_ns: int, command: MotionCommand) -> None:
         """From `t_ns` on a robot drives with a velocity, or straight to a place where it stops.
 
@@ -76,6 +92,8 @@ class World:
         self._commanded_ns = t_ns
         if self._movement.command(robot, t_ns, command):
             self._computed_ns = -1
+            if self._places is not None:
+                self._places.depart(robot, t_ns, *self._movement.leg(robot))
 
     def _compute(self, t_ns: int) -> None:
         self._check_instant(t_ns)
@@ -103,6 +121,9 @@ class _Movement(Protocol):
     def command(self, robot: int, t_ns: int, command: MotionCommand) -> bool:
         """Whether it changes anything."""
 
+    def leg(self, robot: int) -> tuple[Vector, Vector, int]:
+        """Where the robot's present leg begins, where it ends, and when."""
+
 
 class _Bouncing:
     """Straight lines, reflected at the walls.
@@ -129,6 +150,9 @@ class _Bouncing:
         return positions, self._headings[self._robots, back[:, 0], back[:, 1]]
 
     def command(self, robot: int, t_ns: int, command: MotionCommand) -> bool:
+        raise NotImplementedError
+
+    def leg(self, robot: int) -> tuple[Vector, Vector, int]:
         raise NotImplementedError
 
 
@@ -177,6 +201,10 @@ class _Legs:
         self._headings[robot] = heading_of(velocity, otherwise=float(self._headings[robot]))
         self.moving_until_ns = int(self._ends_ns.max())
         return True
+
+    def leg(self, robot: int) -> tuple[Vector, Vector, int]:
+        (x0, y0), (x1, y1) = self._starts[robot].tolist(), self._ends[robot].tolist()
+        return (x0, y0), (x1, y1), int(self._ends_ns[robot])
 
     def _position(self, robot: int, t_ns: int) -> Vector:
         positions, _ = self.at(t_ns)

@@ -16,13 +16,15 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from numpy.typing import NDArray
 
+from channels.graphs import Graph, Rectangle
 from channels.units import NS_PER_S
 from channels.visual import Capture
 from logs import RESULT_METADATA, RUN_METADATA, Attachment, LogError, sha256_of
 from logs import schemas as topic
 from logs.encoding import embed_entry, encode_camera, encode_record, encode_transmissions
 from logs.mcap_writer import FileSink, McapWriter, open_log
-from logs.scene import SceneEncoder
+from logs.scene import SceneEncoder, stamped
+from logs.world_scene import world_scene
 
 __all__ = ["Attachment", "LogError", "Recorder", "sha256_of"]
 
@@ -63,19 +65,23 @@ class Recorder:
         attachments: Sequence[Attachment] = (),
         arena_m: tuple[float, float] = (10.0, 10.0),
         altitudes_m: Sequence[float] | None = None,
+        graph: Graph | None = None,
+        obstacles: Sequence[Rectangle] = (),
     ) -> None:
         """Create the file and write what is known at the start: `run`, the attachments, all schemas.
 
         A first record, on /log at 0, says that recording begins: with it all of this is on the disk.
 
         `force` replaces an existing file; `arena_m` scales the drawn robots; `altitudes_m`: how high each
-        is drawn (None: all on the ground). Raises LogError when the file
-        exists or cannot be written, TypeError when `run` holds anything but text.
+        is drawn (None: all on the ground); `graph` and `obstacles`, in metres, are drawn where there are
+        any. Raises LogError when the file exists or cannot be written, TypeError when `run` holds anything
+        but text.
         """
         _check_texts(run or {})
         self.path = path
         self._robots = list(robots)
         self._scene = SceneEncoder(self._robots, arena_m, altitudes_m)
+        self._world = world_scene(graph, obstacles, arena_m)
         self._heard: list[tuple[int, list[int]]] = []
         self._repeat_at_ns = 0
         self._now_ns = 0
@@ -160,6 +166,8 @@ class Recorder:
             self._repeat_at_ns = now_ns + REPEAT_NS
             self._put(_CHANNEL[topic.ROBOTS], now_ns, scene.bodies(now_ns))
             self._put(_CHANNEL[topic.LABELS], now_ns, scene.labels(now_ns))
+            if self._world is not None:
+                self._put(_CHANNEL[topic.WORLD], now_ns, stamped(self._world, now_ns))
         self._put(_CHANNEL[topic.TF], now_ns, scene.transforms(now_ns, poses))
         self.lights(now_ns, poses, lamps)
         self._put(_CHANNEL[topic.LINKS], now_ns, scene.links(now_ns, poses, self._links()))

@@ -51,8 +51,13 @@ _FLAT_BYTES = 18
 _HIGH_BYTES = 27
 
 
+def size_of_robots(arena_m: tuple[float, float]) -> float:
+    """Radius in which robots are drawn [m]: a hundredth of the arena's longer side."""
+    return max(arena_m) / 100 or 0.01
+
+
 class SceneEncoder:
-    """Encodes the scene of one team. Robots are drawn at a hundredth of the arena's longer side."""
+    """Encodes the scene of one team."""
 
     def __init__(
         self,
@@ -61,7 +66,7 @@ class SceneEncoder:
         altitudes_m: Sequence[float] | None = None,
     ) -> None:
         """`altitudes_m`: how high each robot is; None: all on the ground."""
-        self._size_m = max(arena_m) / 100 or 0.01
+        self._size_m = size_of_robots(arena_m)
         self._robots = list(robots)
         self._children = [_field(2, WORLD.encode()) + _field(3, robot.encode()) for robot in robots]
         self._motion = _motion_rows(len(robots), altitudes_m)
@@ -110,11 +115,11 @@ class SceneEncoder:
 
     def bodies(self, now_ns: int) -> bytes:
         """SceneUpdate with every robot's body and heading, in the robot's own frame."""
-        return _stamped(self._bodies, now_ns)
+        return stamped(self._bodies, now_ns)
 
     def labels(self, now_ns: int) -> bytes:
         """SceneUpdate with every robot's name."""
-        return _stamped(self._names, now_ns)
+        return stamped(self._names, now_ns)
 
     def _encode_motion(self, poses: NDArray[np.float64]) -> list[bytes]:
         # Single precision: finer digits only cost space, and differ between CPUs for sine and cosine.
@@ -153,7 +158,8 @@ def _stamp(number: int, now_ns: int) -> bytes:
     return _field(number, Timestamp(seconds=seconds, nanos=nanos).SerializeToString())
 
 
-def _stamped(update: SceneUpdate, now_ns: int) -> bytes:
+def stamped(update: SceneUpdate, now_ns: int) -> bytes:
+    """The encoded update, all of it of this instant."""
     for entity in update.entities:
         entity.timestamp.seconds, entity.timestamp.nanos = divmod(now_ns, NS_PER_S)
     return update.SerializeToString()

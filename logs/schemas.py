@@ -27,6 +27,7 @@ LIGHTS = "/viz/lights"
 LINKS = "/viz/links"
 ROBOTS = "/viz/robots"
 LABELS = "/viz/labels"
+WORLD = "/viz/world"
 
 LOSSES = {int(reason): reason.name for reason in Reason if Reason.out_of_range < reason < 255}
 """Why a receiver in range did not get a transmission: codes of `Reason` and their names in the log."""
@@ -171,5 +172,6 @@ TOPICS = (
     _protobuf_topic(LINKS, "foxglove.SceneUpdate"),
     _protobuf_topic(ROBOTS, "foxglove.SceneUpdate"),
     _protobuf_topic(LABELS, "foxglove.SceneUpdate"),
+    _protobuf_topic(WORLD, "foxglove.SceneUpdate"),
 )
 """In the order of their channel ids, counted from 1."""

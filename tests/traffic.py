@@ -36,14 +36,21 @@ class Heard(NamedTuple):
 
 def medium_of(robots: int, **settings: Any) -> Medium:
     """A medium with collisions at that bit rate, and a range of 5 m."""
-    more = {name: settings.pop(name) for name in ("slots", "altitudes_m") if name in settings}
+    more = {
+        name: settings.pop(name)
+        for name in ("slots", "altitudes_m", "graph", "obstacles")
+        if name in settings
+    }
     defaults = {"range_m": 5.0, "bit_rate_bps": BYTE_A_NANOSECOND, "collisions": True}
     radio = RadioSettings(**{**defaults, **settings})
     return Medium(radio, [f"r{index}" for index in range(robots)], 1, **more)
 
 
 def play(
-    medium: Medium, sends: Sequence[Send], positions: Callable[[int], NDArray[np.float64]]
+    medium: Medium,
+    sends: Sequence[Send],
+    positions: Callable[[int], NDArray[np.float64]],
+    places: Callable[[int], NDArray[np.int64] | None] = lambda _now: None,
 ) -> dict[tuple[int, int], Heard]:
     """What becomes of every (sender, sequence number); within one instant in the order of the engine."""
     robots = len(medium.slots)
@@ -61,7 +68,7 @@ def play(
         batch = airwaves.take_batch()
         if batch is None:
             return
-        fates = airwaves.decide(now_ns, batch, positions(now_ns))
+        fates = airwaves.decide(now_ns, batch, positions(now_ns), places(now_ns))
         for sender, seq, row in zip(batch.senders, batch.seqs, fates.reason.tolist(), strict=True):
             heard[sender, seq] = Heard(now_ns, [Reason(code).name for code in row])
 

@@ -1,6 +1,6 @@
 """Transmissions at the same time: nobody understands two at once, and nobody hears while it speaks.
 
-There is no capture: of two overlapping transmissions a receiver in range of both gets neither, however
+There is no capture: of two overlapping transmissions a receiver that either would reach gets neither, however
 much nearer one of the senders is. Those that are too long or out of their slot disturb like any other.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from channels.fates import Batch, Bools, OnAir, Reason
-from channels.gates.range import Disc
+from channels.gates.range import Reach
 
 
 class HalfDuplexGate:
@@ -28,18 +28,18 @@ class HalfDuplexGate:
 
 
 class CollisionGate:
-    """Refuses receivers that were in range of another transmission during any part of this one."""
+    """Refuses receivers that another transmission reached during any part of this one."""
 
     reason = Reason.collision
 
-    def __init__(self, disc: Disc) -> None:
-        self._disc = disc
+    def __init__(self, reach: Reach) -> None:
+        self._reach = reach
 
     def refuses(self, batch: Batch) -> Bools | None:
         """(T, N)."""
         if batch.on_air is None:
             return None
-        in_range = ~self._disc.beyond(batch.positions, batch.on_air.senders)
+        in_range = ~self._reach.beyond(batch.positions, batch.places, batch.on_air.senders)
         # A product of whole numbers, in the type that has a fast one: exact below 2**24 transmissions.
         disturbing = _overlaps(batch, batch.on_air).astype(np.float32) @ in_range.astype(np.float32)
         disturbed: Bools = disturbing > 0

@@ -7,7 +7,11 @@ BEHAVIOUR = '''
 
 import asyncio
 
+import numpy as np
+from numpy.random import default_rng
+
 from agent import Robot
+from channels.graphs import Graph, neighbours, vertices_at
 
 
 async def busybody(robot: Robot) -> None:
@@ -63,6 +67,35 @@ async def reporter(robot: Robot) -> None:
         counts = bytes(min(count, 255) for count in heard)
         robot.radio.broadcast_bytes((bytes([robot.number]) + counts)[: slot.bytes])
         robot.log("slot", {"frame": slot.frame, "bytes": slot.bytes, "at": robot.now_ns, "heard": heard})
+
+
+def ladder(rungs, seed):
+    """A ladder with one rung missing, which is drawn from the seed."""
+    missing = int(default_rng(seed).integers(1, rungs))
+    sides = [(2 * i + k, 2 * i + k + 2, 1.0) for i in range(rungs - 1) for k in (0, 1)]
+    return Graph(
+        vertices=tuple((1.0 + i, 1.0 + k) for i in range(rungs) for k in (0, 1)),
+        edges=(*sides, *((2 * i, 2 * i + 1, 1.0) for i in range(rungs) if i != missing)),
+        obstacles=((1.2, 1.2, 1.8, 1.8),),
+    )
+
+
+async def walker(robot: Robot) -> None:
+    """Along edges of the world's graph at random; some moves are given up half-way."""
+    ways = neighbours(robot.graph)
+    (here,) = vertices_at(robot.graph.vertices, np.array([robot.body.pose[:2]])).tolist()
+    while True:
+        there, length = ways[here][int(robot.rng.integers(len(ways[here])))]
+        robot.body.go_to(*robot.graph.vertices[there], length / 0.25)
+        robot.radio.broadcast({"at": here, "to": there})
+        await asyncio.sleep(0.1)
+        if robot.rng.random() < 0.3:
+            robot.body.go_to(*robot.graph.vertices[here], length / 0.25)
+            there = here
+        await asyncio.sleep(0.2 + float(robot.rng.random()) / 10)
+        here = there
+        heard = [message.sender for message in robot.radio.received()]
+        robot.log("heard", {"at": here, "from": heard, "pose": list(robot.body.pose)})
 '''
 
 _COMMON = """
@@ -232,6 +265,56 @@ motion = { kind = "commanded", max_speed_mps = 2.0 }
 range_m = 18.0
 [params]
 drives = true
+""",
+    "walking-along-a-graph": """
+behaviour = "my_robot.py:walker"
+robots = 5
+[run]
+duration_s = 12.0
+[world]
+placement = "graph"
+motion = { kind = "commanded", max_speed_mps = 10.0 }
+[world.graph]
+generator = "my_robot.py:ladder"
+args = { rungs = 6 }
+scale_m = 1.5
+[radio]
+link = "graph"
+bit_rate_bps = 10000
+collisions = true
+loss = 0.1
+""",
+    "links-of-a-graph-by-sight-in-shared-slots": """
+behaviour = "my_robot.py:reporter"
+robots = 9
+[run]
+duration_s = 3.0
+[world]
+placement = "graph"
+[world.graph]
+generator = "my_robot.py:ladder"
+args = { rungs = 5 }
+heard_m = 1.8
+[radio]
+link = "graph"
+access = "tdma"
+bit_rate_bps = 20000
+tdma = { units = 1, unit_bits = 120, reuse = "distance_two" }
+""",
+    "obstacles-in-the-line-of-sight": _COMMON
+    + _CAMERA
+    + """
+[world]
+area_m = [30.0, 30.0]
+motion = { kind = "bounce", speed_mps = 3.0 }
+obstacles = [[5.0, 5.0, 9.0, 20.0], [14.0, 10.0, 16.0, 30.0], [20.0, 3.0, 26.0, 4.0]]
+[radio]
+range_m = 18.0
+line_of_sight = true
+bit_rate_bps = 50000
+collisions = true
+[params]
+drives = false
 """,
     "no-cameras": _COMMON
     + """

@@ -63,7 +63,17 @@ def test_features_take_part(tmp_path: Path) -> None:
     assert named["collisions-without-slots"] == {"collision", "half_duplex"}
     assert {"burst", "loss"} <= named["slots-of-units-drawn-each-frame-in-bursts"]
     assert "collision" in named["slots-shared-by-too-many"]
-    everything = {"queue_full", "out_of_slot", "loss", "half_duplex", "collision", "burst"}
+    assert {"collision", "loss"} <= named["walking-along-a-graph"]
+    assert {"no_line_of_sight", "collision"} <= named["obstacles-in-the-line-of-sight"]
+    everything = {
+        "queue_full",
+        "out_of_slot",
+        "loss",
+        "half_duplex",
+        "collision",
+        "burst",
+        "no_line_of_sight",
+    }
     assert set().union(*named.values()) == everything
 
 
@@ -173,7 +183,7 @@ def test_a_failed_run_leaves_the_same_log_with_either_fleet(tmp_path: Path) -> N
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("name", ["commanded-motion", "slots-shared-by-too-many"])
+@pytest.mark.parametrize("name", ["commanded-motion", "slots-shared-by-too-many", "walking-along-a-graph"])
 def test_verify(name: str, tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path, BEHAVIOUR, SCENARIOS[name])
     log = run_scenario(scenario, tmp_path / "log.mcap", "in_process").log

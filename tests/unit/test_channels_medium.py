@@ -65,6 +65,7 @@ def test_codes_are_those_of_the_log() -> None:
         "half_duplex": 7,
         "collision": 8,
         "burst": 9,
+        "no_line_of_sight": 10,
         "not_a_candidate": 255,
     }
 

@@ -28,6 +28,7 @@ from logs.recover import recover
 from logs.schemas import TOPICS
 
 ROBOTS = ["r00", "r01", "r02", "r03"]
+WALLS = [(0.0, 0.0, 1.0, 1.0)]
 RUN = {"scenario": "two words", "seed": "7"}
 FILES = [
     Attachment("scenario.toml", "application/toml", b"seed = 7\n"),
@@ -84,7 +85,7 @@ def write_everything(recorder: Recorder, seconds: int = 3) -> None:
 
 
 def write(path: Path, steps: Write = write_everything, *, finish: bool = True) -> Path:
-    with Recorder(path, ROBOTS, run=RUN, attachments=FILES) as recorder:
+    with Recorder(path, ROBOTS, run=RUN, attachments=FILES, obstacles=WALLS) as recorder:
         steps(recorder)
         if finish:
             recorder.finish({"ended": "time"})
@@ -397,16 +398,16 @@ class FullDisk:
 def test_a_full_disk_is_told_once_and_leaves_a_readable_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, whole = tmp_path / "a.mcap", write(tmp_path / "whole.mcap", lambda log: write_everything(log, 30))
+    path, whole = tmp_path / "a.mcap", write(tmp_path / "whole.mcap", lambda log: write_everything(log, 60))
     with LogReader(whole) as log:
         expected = list(log.raw())
         room = log.size_bytes // 2
     monkeypatch.setattr(logs.recorder, "open_log", lambda path, force: FullDisk(path, room))
-    recorder = Recorder(path, ROBOTS, run=RUN, attachments=FILES)
+    recorder = Recorder(path, ROBOTS, run=RUN, attachments=FILES, obstacles=WALLS)
     with pytest.raises(
         LogError, match=r"a\.mcap: No space left on device; free some space or choose another --out"
     ):
-        write_everything(recorder, 30)
+        write_everything(recorder, 60)
     before = path.read_bytes()
     write_everything(recorder)
     recorder.finish({"ended": "time"})

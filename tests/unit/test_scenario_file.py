@@ -179,7 +179,7 @@ TOO_SHORT = (
         (
             "area_m = [20, 10]",
             'area_m = [1, 1]\nplacement = "jitterd_grid"',
-            'world.placement: must be "grid" or "jittered_grid" or "uniform", is "jitterd_grid"; did you mean '
+            'world.placement: must be "graph" or "grid" or "jittered_grid" or "uniform", is "jitterd_grid"; did you mean '
             "jittered_grid?",
         ),
         (

@@ -16,10 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from channels.randomness import Draws, stable_key
-from emulator.errors import UserError
+from emulator.errors import InvalidError, UserError
 from emulator.groups import GroupSettings, group_of_each, size
 from emulator.scenario import RobotSpec, Scenario, Settings, groups, resolved_json, team
-from emulator.scenario_checks import InvalidError, check
+from emulator.scenario_checks import check
 from emulator.scenario_file import from_resolved, load
 from emulator.verify import verify
 from emulator.world import World
@@ -303,7 +303,7 @@ def complaint(text: str, *overrides: str) -> str:
         ('name = "mobile"', 'name = "a.b"', 'group.name: "a.b" cannot be a group\'s name; use up to 32 letters, digits, - and _, of which the first is a letter or digit'),
         ('"bounce", speed_mps = 0', '"static"', 'group.mobile.speed_mps: only robots that bounce have one; set world.motion.kind to "bounce", or leave it out'),
         ("speed_mps = 2.8", "speed_mps = -1", "group.mobile.speed_mps: must be a number of metres per second from 0 to 10000, is -1"),
-        ('"uniform"', '"unifrom"', 'group.mobile.placement: must be "grid" or "jittered_grid" or "uniform", is "unifrom"; did you mean uniform?'),
+        ('"uniform"', '"unifrom"', 'group.mobile.placement: must be "graph" or "grid" or "jittered_grid" or "uniform", is "unifrom"; did you mean uniform?'),
         ("observer.py:main", "observer", 'group.mobile.behaviour: must look like "module:function" or "file.py:function", is "observer"'),
         ("robots = 12", "robots = 12\ngroup = 3", "group: must be [[group]] tables, is 3"),
     ],

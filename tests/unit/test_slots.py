@@ -83,14 +83,18 @@ def speak_in_turn(radio: RadioSettings, team: list[RobotSpec], slots: list[int])
 def test_connectivity_is_who_is_in_range_of_whom(seed: int, robots: int) -> None:
     for high in (False, True):
         team = drawn(seed, robots, high=high)
-        graph = connectivity(1.3, team)
+        graph = connectivity(RadioSettings(1.3), team)
         assert [set(graph[robot]) for robot in range(robots)] == neighbours(team)
 
 
 def test_connectivity_includes_the_edge_of_the_range_and_reckons_with_altitude() -> None:
-    assert connectivity(5.0, specs([(0.0, 0.0), (3.0, 4.0)])).number_of_edges() == 1
-    assert connectivity(5.0, specs([(0.0, 0.0), (3.0, 0.0)], [0.0, 4.0])).number_of_edges() == 1
-    assert connectivity(5.0, specs([(0.0, 0.0), (3.0, 0.0)], [0.0, 4.001])).number_of_edges() == 0
+    assert connectivity(RadioSettings(5.0), specs([(0.0, 0.0), (3.0, 4.0)])).number_of_edges() == 1
+    assert (
+        connectivity(RadioSettings(5.0), specs([(0.0, 0.0), (3.0, 0.0)], [0.0, 4.0])).number_of_edges() == 1
+    )
+    assert (
+        connectivity(RadioSettings(5.0), specs([(0.0, 0.0), (3.0, 0.0)], [0.0, 4.001])).number_of_edges() == 0
+    )
 
 
 @pytest.mark.parametrize(("seed", "robots"), TEAMS)

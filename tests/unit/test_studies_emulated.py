@@ -96,7 +96,7 @@ def test_robots_hear_whom_the_lattice_says(neighbours: int) -> None:
     scenario = grid(chosen)
     robots = team(scenario)
     lattice = Lattice(3, 5, neighbours)  # type: ignore[arg-type]
-    heard = connectivity(scenario.radio.range_m, robots)
+    heard = connectivity(scenario.radio, robots)
     assert nx.utils.edges_equal(heard.edges, lattice.graph().edges)
     assert scenario.params["deployment_m"] == [list(robot.position_m) for robot in robots]
     assert scenario.params["link_range_m"] == scenario.radio.range_m

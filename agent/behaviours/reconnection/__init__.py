@@ -1,0 +1,1 @@
+"""Finding each other again: beliefs of where the others are, and paths likely to meet them."""

@@ -1,0 +1,896 @@
+"""Inner loops, compiled. What calls these functions from compiled code belongs into this module: caches of
+compiled code notice changes of their own file only.
+
+Arrays as in `model.Model` and `model.Ways`; F: float64, I: int64, B: bool.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from agent.behaviours.reconnection.planner_arrays import Beam, Ground, Room
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Compiled at the first call, and kept on disk; the types are those of the Python function."""
+    # The error model only spares a check for division by 0 that keeps loops from being vectorised.
+    kept: Any = njit(cache=True, error_model="numpy")(function)
+    return kept  # type: ignore[no-any-return]
+
+
+def inlined(function: F) -> F:
+    """Compiled into what calls it: calls that pass many arrays take longer than what they then do."""
+    kept: Any = njit(cache=True, inline="always")(function)
+    return kept  # type: ignore[no-any-return]
+
+
+@compiled
+def advance(
+    first: Ints,
+    hazard: Floats,
+    next_start: Ints,
+    next_at: Ints,
+    next_mu: Floats,
+    belief: Floats,
+    after: Floats,
+) -> None:
+    """F q (Eqs. 3-6): `after` becomes what `belief`, both F[S], is one step later."""
+    # Whoever has been somewhere for as long as can be leaves: its hazard is 1, and the 0 that is written one
+    # state further on is what the first state of the next augmented vertex begins with.
+    after[0] = 0.0
+    for s in range(len(belief) - 1):
+        after[s + 1] = belief[s] - hazard[s] * belief[s]
+    # Unsigned: numba need not look for indices that count from the end, which takes as long as all the rest.
+    for a in range(len(first) - 1):
+        leaving = 0.0
+        for s in range(np.uint64(first[a]), np.uint64(first[a + 1])):
+            leaving += hazard[s] * belief[s]
+        for i in range(np.uint64(next_start[a]), np.uint64(next_start[a + 1])):
+            after[np.uint64(first[np.uint64(next_at[i])])] += next_mu[i] * leaving
+
+
+# Beliefs
+
+
+@compiled
+def listen(first: Ints, place: Ints, heard: Bools, miss: float, belief: Floats) -> int:
+    """What silence tells (Eq. 7), in place: states at places `heard` keep a share `miss`; normalised.
+
+    Where nothing is left, all states of places not heard become equally likely (returns 1), or all states
+    where every place is heard (returns 2); otherwise returns 0.
+    """
+    total = 0.0
+    unheard = 0
+    for a in range(len(place)):
+        left = 0.0  # by itself: additions that do not wait for each other
+        begin, end = np.uint64(first[a]), np.uint64(first[a + 1])
+        if heard[np.uint64(place[a])]:
+            for s in range(begin, end):
+                belief[s] *= miss
+                left += belief[s]
+        else:
+            unheard += first[a + 1] - first[a]
+            for s in range(begin, end):
+                left += belief[s]
+        total += left
+    if total > 0.0:
+        for s in range(len(belief)):
+            belief[s] /= total
+        return 0
+    for a in range(len(place)):
+        for s in range(first[a], first[a + 1]):
+            if unheard == 0:
+                belief[s] = 1.0 / len(belief)
+            else:
+                belief[s] = 0.0 if heard[place[a]] else 1.0 / unheard
+    return 2 if unheard == 0 else 1
+
+
+@compiled
+def tick(
+    first: Ints,
+    place: Ints,
+    hazard: Floats,
+    next_start: Ints,
+    next_at: Ints,
+    next_mu: Floats,
+    heard: Bools,
+    miss: float,
+    belief: Floats,
+    after: Floats,
+) -> int:
+    """`advance`, then `listen` on `after`, whose outcome is returned."""
+    advance(first, hazard, next_start, next_at, next_mu, belief, after)
+    return listen(first, place, heard, miss, after)
+
+
+@compiled
+def mass_of_places(first: Ints, place: Ints, belief: Floats, mass: Floats) -> None:
+    """`mass`, F[V], becomes the probability of every place."""
+    mass[:] = 0.0
+    for a in range(len(place)):
+        there = 0.0
+        for s in range(np.uint64(first[a]), np.uint64(first[a + 1])):
+            there += belief[s]
+        mass[np.uint64(place[a])] += there
+
+
+# Planning. `ground`: a planner_arrays.Ground; `c`: F[T], what has been detected of each target's mass.
+# Bounds are compared with a margin for rounding, which costs a few nodes and never an answer.
+
+
+@compiled
+def together(places: Ints, targets: Ints, remaining: Ints, time: int, heard: Bools) -> bool:
+    """Whether the members, B, are one network so many steps from now, if nobody decides anything more."""
+    members = len(places)
+    reached, todo = 1, 1
+    while todo:
+        i = 0
+        while not (todo >> i) & 1:
+            i += 1
+        todo &= ~(1 << i)
+        here = targets[i] if 0 < remaining[i] <= time else places[i]
+        for j in range(members):
+            if not (reached >> j) & 1:
+                there = targets[j] if 0 < remaining[j] <= time else places[j]
+                if heard[here, there]:
+                    reached |= 1 << j
+                    todo |= 1 << j
+    return reached == (1 << members) - 1
+
+
+@compiled
+def between(places: Ints, targets: Ints, remaining: Ints, heard: Bools) -> bool:
+    """Whether they are one network after every arrival but the last, if nobody decides anything more."""
+    time, last = 0, 0
+    for i in range(len(places)):
+        last = max(last, remaining[i])
+    while True:
+        after = last
+        for i in range(len(places)):
+            if remaining[i] > time:
+                after = min(after, remaining[i])
+        time = after
+        if time == last:
+            return True
+        if not together(places, targets, remaining, time, heard):
+            return False
+
+
+@compiled
+def safe(places: Ints, targets: Ints, remaining: Ints, heard: Bools) -> bool:
+    """Whether a team, B, stays one network until all on the way have arrived, if nobody decides any more.
+
+    Arrays I[members] (at most 62): `places`; `targets`, where those on the way go (their own place: they
+    return; any number for the others); `remaining`, steps to the arrival, 0 for those at a vertex. `heard`:
+    B[V, V]. Whoever is on the way is heard as from its place until it arrives.
+    """
+    now = together(places, targets, remaining, 0, heard)
+    then = together(places, targets, remaining, 1 << 60, heard)
+    return now and then and between(places, targets, remaining, heard)
+
+
+@inlined
+def next_choice(start: Ints, places: Ints, free: Bools, choice: Ints) -> int:
+    """The next joint choice in lexicographic order, in place: the first member to change, -1 after the last.
+
+    choice[i]: -1, wait, or which of the ways out of its place member i takes; -1 for whoever is not free.
+    """
+    for i in range(len(places) - 1, -1, -1):
+        if free[i]:
+            if choice[i] + 1 < start[places[i] + 1] - start[places[i]]:
+                choice[i] += 1
+                return i
+            choice[i] = -1
+    return -1
+
+
+@inlined
+def distinct(places: Ints, free: Bools, choice: Ints) -> bool:
+    """Whether a joint choice is the first, in order, of those that differ by who of its equals does what."""
+    for i in range(1, len(places)):
+        for j in range(i):
+            if free[i] and free[j] and places[i] == places[j] and choice[j] > choice[i]:
+                return False
+    return True
+
+
+@inlined
+def label(at: Ints, heard: Bools, part: Ints) -> None:
+    """`part[i]`: number of the network that member i is in but for the last; `part[-1]`: all of them, as bits."""
+    members = len(at) - 1
+    part[members] = 0
+    for i in range(members):
+        part[i] = i
+        for j in range(i):
+            if part[j] != i and heard[at[i], at[j]]:
+                old = part[j]
+                for n in range(i):
+                    if part[n] == old:
+                        part[n] = i
+    for i in range(members):
+        part[members] |= 1 << part[i]
+
+
+@compiled
+def next_safe(
+    start: Ints,
+    head: Ints,
+    steps: Ints,
+    heard: Bools,
+    places: Ints,
+    targets: Ints,
+    remaining: Ints,
+    free: Bools,
+    once: bool,
+    changed: int,
+    choice: Ints,
+    to: Ints,
+    left: Ints,
+    at: Ints,
+    part: Ints,
+) -> bool:
+    """Go on to the next joint choice that is safe, with somebody on the way; False where none is left.
+
+    The group is one network now. Begin with `choice` of -1 and `changed` 0; then leave all as it is, with
+    `changed` -1. `to`, `left` become where all go; the other arrays are to work in. `once`: only `distinct`.
+    """
+    last = len(places) - 1
+    while True:
+        if changed < 0:
+            changed = next_choice(start, places, free, choice)
+            if changed < 0:
+                return False
+        for i in range(changed, last + 1):
+            to[i], left[i] = targets[i], remaining[i]
+            if choice[i] >= 0:
+                way = start[places[i]] + choice[i]
+                to[i], left[i] = head[way], steps[way] + 1
+            at[i] = to[i] if left[i] > 0 else places[i]
+        if changed < last:
+            label(at, heard, part)
+        elif last == 0:
+            part[0] = 0
+        changed, joined, moving = -1, 0, left[last] > 0
+        for i in range(last):
+            moving |= left[i] > 0
+            if heard[at[last], at[i]]:
+                joined |= 1 << part[i]
+        if joined != part[last] or not moving or (once and not distinct(places, free, choice)):
+            continue
+        if between(places, to, left, heard):
+            return True
+
+
+@compiled
+def list_moves(
+    start: Ints,
+    head: Ints,
+    steps: Ints,
+    heard: Bools,
+    places: Ints,
+    targets: Ints,
+    remaining: Ints,
+    free: Bools,
+    once: bool,
+    choice: Ints,
+    to: Ints,
+    left: Ints,
+    at: Ints,
+    part: Ints,
+    found: Ints,
+) -> int:
+    """How many safe joint decisions there are; `found`, I[room, m], becomes as many as it has room for.
+
+    See `planner.joint_moves`, and `next_safe` for the rest.
+    """
+    count, changed = 0, 0
+    while next_safe(
+        start, head, steps, heard, places, targets, remaining, free, once, changed, choice, to, left, at, part
+    ):
+        changed = -1
+        if count < len(found):
+            for i in range(len(places)):
+                found[count, i] = to[i] if choice[i] >= 0 else -1
+        count += 1
+    return count
+
+
+@compiled
+def either(c: Floats) -> float:
+    """Probability that at least one target is met, 1 - prod(1 - c_j)."""
+    if len(c) == 1:
+        return float(min(1.0, c[0]))
+    missed = 0.0
+    for j in range(len(c)):
+        missed += np.log1p(-min(1.0, c[j]))
+    return float(-np.expm1(missed))
+
+
+@compiled
+def most(c: Floats, rest: Floats) -> float:
+    """Upper bound on `either` of c + e for all e >= 0 with e_j <= rest[j], and sum(e) <= rest[T] if T > 1.
+
+    The second holds since 1 - prod(1 - c_j) is concave along increasing directions: what all e_j add
+    together is at most the sum of what each adds alone, e_j prod(1 - c_i) over i other than j, and of those
+    products the largest leaves out the largest c.
+    """
+    targets = len(c)
+    if targets == 1:
+        return float(min(1.0, c[0] + rest[0]))
+    missed, alone, top = 0.0, 1.0, 0
+    for j in range(targets):
+        missed += np.log1p(-min(1.0, c[j] + rest[j]))
+        if c[j] > c[top]:
+            top = j
+    for j in range(targets):
+        if j != top:
+            alone *= 1.0 - min(1.0, c[j])
+    return float(min(-np.expm1(missed), either(c) + alone * rest[targets]))
+
+
+@compiled
+def hopeless(bound: float, own: float, best: float, slack: float) -> bool:
+    """Whether a plan of at most that value improves neither its own first move's nor is within the slack."""
+    high = bound * (1 + 1e-9) + 1e-14
+    return bound <= own or high < (1 - slack) * best
+
+
+@compiled
+def look(ground: Ground, q: Floats, c: Floats, vertex: int, miss: float) -> None:
+    """Observe from a vertex: what is seen of q, F[S], goes to c."""
+    for n in range(ground.near_start[vertex], ground.near_start[vertex + 1]):
+        look_at(ground, q, c, ground.near_at[n], miss)
+
+
+@compiled
+def look_at(ground: Ground, q: Floats, c: Floats, place: int, miss: float) -> None:
+    """Observe one place, once."""
+    for n in range(ground.here_start[place], ground.here_start[place + 1]):
+        a = ground.here_at[n]
+        mass = 0.0
+        for s in range(ground.first[a], ground.first[a + 1]):
+            mass += q[s]
+            q[s] *= miss
+        c[ground.target[a]] += (1 - miss) * mass
+
+
+@compiled
+def step_on(ground: Ground, q: Floats, after: Floats) -> None:
+    """One step of all targets, unobserved."""
+    advance(ground.first, ground.hazard, ground.next_start, ground.next_at, ground.next_mu, q, after)
+
+
+@compiled
+def flows(ground: Ground, q: Floats, flow: Floats, inflow: Floats) -> None:
+    """What q moves from each pair of places' first to its second, F[T, N], and to each place, F[T, V]."""
+    flow[:] = 0.0
+    for a in range(len(ground.place)):
+        j, here = ground.target[a], ground.place[a]
+        leaving = 0.0
+        last = ground.first[a + 1] - 1
+        for s in range(ground.first[a], last + 1):
+            going = q[s] if s == last else ground.hazard[s] * q[s]
+            leaving += going
+            flow[j, here] += q[s] - going
+        if leaving > 0.0:
+            for i in range(ground.next_start[a], ground.next_start[a + 1]):
+                flow[j, ground.pair[i]] += ground.next_mu[i] * leaving
+    for j in range(len(flow)):
+        for p in range(inflow.shape[1]):
+            inflow[j, p] = 0.0
+            for n in range(ground.into_start[p], ground.into_start[p + 1]):
+                inflow[j, p] += flow[j, ground.into_at[n]]
+
+
+@compiled
+def gain(ground: Ground, flow: Floats, inflow: Floats, before: int, now: int, kept: float) -> float:
+    """Mass to be detected in one step at most, of one target, by a robot at `before` and then at `now`."""
+    total = 0.0
+    for n in range(ground.near_start[now], ground.near_start[now + 1]):
+        p = ground.near_at[n]
+        if inflow[p] > 0.0:
+            for m in range(ground.into_start[p], ground.into_start[p + 1]):
+                e = ground.into_at[m]
+                total += flow[e] * (kept if ground.heard[before, ground.pair_tail[e]] else 1.0)
+    return total
+
+
+@compiled
+def soonest(ground: Ground, places: Ints, targets: Ints, remaining: Ints, soon: Ints) -> None:
+    """After how many steps any member can be at each vertex at the soonest; `soon`, I[V], is high before."""
+    for i in range(len(places)):
+        soon[places[i]] = 0
+    for i in range(len(places)):
+        if remaining[i] > 0:
+            soon[targets[i]] = min(soon[targets[i]], remaining[i])
+    changed = True
+    while changed:
+        changed = False
+        for d in range(len(ground.head)):
+            there = soon[ground.tail[d]] + ground.steps[d] + 1
+            if there < soon[ground.head[d]]:
+                soon[ground.head[d]] = there
+                changed = True
+
+
+@compiled
+def prospects(
+    ground: Ground,
+    q: Floats,
+    after: Floats,
+    soon: Ints,
+    miss: float,
+    stayed: Floats,
+    came: Floats,
+    flow: Floats,
+    inflow: Floats,
+) -> None:
+    """What one robot can detect of each target at most in single steps: `planner`'s docstring has the proof.
+
+    `stayed[j, s, v]`, F[T, H + 1, V]: from being at v in steps 1 .. s, as far as v can be reached (`soon`,
+    I[V]); `came[j, s, d]`, F[T, H + 1, D]: from coming along way d in step s. Both are zero before. q, F[S],
+    is moved on by H steps; `after`, `flow`, F[T, N], and `inflow`, F[T, V], are room to work in.
+    """
+    for s in range(1, stayed.shape[1]):
+        flows(ground, q, flow, inflow)
+        kept = 1.0 if s == 1 else miss
+        for j in range(stayed.shape[0]):
+            for v in range(stayed.shape[2]):
+                stayed[j, s, v] = stayed[j, s - 1, v]
+                if soon[v] < s:
+                    stayed[j, s, v] += (1 - miss) * gain(ground, flow[j], inflow[j], v, v, kept)
+            for d in range(came.shape[2]):
+                u, v = ground.tail[d], ground.head[d]
+                if soon[u] < s and soon[v] <= s:
+                    came[j, s, d] = (1 - miss) * gain(ground, flow[j], inflow[j], u, v, kept)
+        step_on(ground, q, after)
+        for i in range(len(q)):
+            q[i] = after[i]
+
+
+@compiled
+def onwards(ground: Ground, soon: Ints, stayed: Floats, came: Floats, waiting: bool, rest: Floats) -> None:
+    """`rest[row, s, v]`: the most that one robot can detect from being free at v in step s, in s + 1 .. H.
+
+    Rows are targets, or sums over targets, of `stayed` and `came` as in `prospects`; `rest`,
+    F[rows, H + 1, V], is zero before. `waiting`: whether it may wait. From the last step to the first.
+    """
+    horizon = stayed.shape[1] - 1
+    for j in range(stayed.shape[0]):
+        for s in range(horizon - 1, -1, -1):
+            for u in range(stayed.shape[2]):
+                if soon[u] > s:
+                    continue
+                best = stayed[j, s + 1, u] - stayed[j, s, u] + rest[j, s + 1, u] if waiting else 0.0
+                for d in range(ground.start[u], ground.start[u + 1]):
+                    there = s + ground.steps[d] + 1
+                    value = stayed[j, min(there - 1, horizon), u] - stayed[j, s, u]
+                    if there <= horizon:
+                        value += came[j, there, d] + rest[j, there, ground.head[d]]
+                    best = max(best, value)
+                rest[j, s, u] = best
+
+
+@compiled
+def stay(ground: Ground, q: Floats, c: Floats, at: int, known: int, wanted: int, miss: float) -> int:
+    """Lone search: q[k], c[k], after k steps at a vertex, for k up to `wanted`; returns how many."""
+    for k in range(known + 1, wanted + 1):
+        step_on(ground, q[k - 1], q[k])
+        for j in range(c.shape[1]):
+            c[k, j] = c[k - 1, j]
+        look(ground, q[k], c[k], at, miss)
+    return max(known, wanted)
+
+
+@compiled
+def rank(
+    ground: Ground,
+    c: Floats,
+    at: int,
+    step: int,
+    known: int,
+    stayed: Floats,
+    came: Floats,
+    rest: Floats,
+    more: Floats,
+    order: Ints,
+    bound: Floats,
+) -> None:
+    """Lone search: bounds of all ways out of a vertex, after c, F[T], `known` steps there; the best first."""
+    horizon = stayed.shape[1] - 1
+    for i in range(ground.start[at + 1] - ground.start[at]):
+        way = ground.start[at] + i
+        there = step + ground.steps[way] + 1
+        for row in range(stayed.shape[0]):
+            more[row] = stayed[row, min(there - 1, horizon), at] - stayed[row, step + known, at]
+            if there <= horizon:
+                more[row] += came[row, there, way] + rest[row, there, ground.head[way]]
+        bound[i] = most(c, more)
+        j = i
+        while j > 0 and bound[order[j - 1]] < bound[i]:
+            order[j] = order[j - 1]
+            j -= 1
+        order[j] = i
+
+
+@compiled
+def search_alone(
+    ground: Ground,
+    miss: float,
+    slack: float,
+    stayed: Floats,
+    came: Floats,
+    rest: Floats,
+    q: Floats,
+    c: Floats,
+    order: Ints,
+    bound: Floats,
+    more: Floats,
+    vertex: Ints,
+    step: Ints,
+    tried: Ints,
+    known: Ints,
+    path: Ints,
+    values: Floats,
+    paths: Ints,
+) -> int:
+    """Branch and bound, depth first, from q[0, 0] at `vertex[0]`: how many nodes it has looked at.
+
+    Arrays of depth L: q[L, legs, S], c[L, legs, T] (zero), `order` and `bound`, [L, most ways], `vertex`,
+    `step`, `tried`, `known`, `path`; `more`: F[rows]. `values`, F[ways], and `paths`, I[ways, L], both -1
+    before, become the value of the best path that begins with each way out, and this path.
+    """
+    horizon, best = stayed.shape[1] - 1, -1.0
+    level, first, nodes, fresh = 0, 0, 0, True
+    while level >= 0:
+        at, now = vertex[level], step[level]
+        if fresh:
+            nodes += 1
+            nearest = horizon - now
+            for d in range(ground.start[at], ground.start[at + 1]):
+                nearest = min(nearest, ground.steps[d])
+            known[level] = stay(ground, q[level], c[level], at, 0, nearest, miss)
+            tried[level] = 0
+            rank(
+                ground,
+                c[level, nearest],
+                at,
+                now,
+                nearest,
+                stayed,
+                came,
+                rest,
+                more,
+                order[level],
+                bound[level],
+            )
+            fresh = False
+        if tried[level] == ground.start[at + 1] - ground.start[at]:
+            level -= 1
+            continue
+        i = order[level, tried[level]]
+        tried[level] += 1
+        first = i if level == 0 else first
+        if hopeless(bound[level, i], values[first], best, slack):
+            continue
+        way = ground.start[at] + i
+        there = now + ground.steps[way] + 1
+        wanted = min(there - 1, horizon) - now
+        known[level] = stay(ground, q[level], c[level], at, known[level], wanted, miss)
+        path[level] = ground.head[way]
+        reached = c[level, wanted]
+        if there <= horizon:
+            step_on(ground, q[level, wanted], q[level + 1, 0])
+            reached = c[level + 1, 0]
+            for j in range(len(reached)):
+                reached[j] = c[level, wanted, j]
+            look(ground, q[level + 1, 0], reached, path[level], miss)
+        if there >= horizon:
+            value = either(reached)
+            if value > values[first]:
+                values[first], best = value, max(best, value)
+                for n in range(len(path)):
+                    paths[first, n] = path[n] if n <= level else -1
+        elif not hopeless(most(reached, rest[:, there, path[level]]), values[first], best, slack):
+            level += 1
+            vertex[level], step[level], fresh = path[level - 1], there, True
+    return nodes
+
+
+# Planning of groups. `beam`, `room`: planner_arrays.Beam and .Room; a node is a slot of the step it is for.
+
+
+@compiled
+def look_around(ground: Ground, q: Floats, c: Floats, places: Ints, marks: Ints, miss: float) -> None:
+    """Observe from several places, each place that is heard once; `marks`, I[V], remembers which."""
+    marks[-1] += 1
+    for i in range(len(places)):
+        for n in range(ground.near_start[places[i]], ground.near_start[places[i] + 1]):
+            p = ground.near_at[n]
+            if marks[p] != marks[-1]:
+                marks[p] = marks[-1]
+                look_at(ground, q, c, p, miss)
+
+
+@compiled
+def watch(ground: Ground, room: Room, places: Ints, known: int, wanted: int, miss: float) -> None:
+    """A team stays where it is: `room.c[k]`, detected by step k, and `room.mass[k]`, what was where."""
+    for k in range(known + 1, wanted + 1):
+        q = room.q[k % 2]
+        step_on(ground, room.q[(k - 1) % 2], q)
+        for j in range(room.mass.shape[1]):
+            room.c[k, j] = room.c[k - 1, j]
+            for p in range(room.mass.shape[2]):
+                room.mass[k, j, p] = 0.0
+        for a in range(len(ground.place)):
+            for s in range(ground.first[a], ground.first[a + 1]):
+                room.mass[k, ground.target[a], ground.place[a]] += q[s]
+        look_around(ground, q, room.c[k], places, room.marks, miss)
+
+
+@compiled
+def arrive(ground: Ground, beam: Beam, room: Room, step: int, slot: int, miss: float) -> None:
+    """The belief of a node, from that of the node it follows."""
+    before, of = beam.before[step, slot], beam.of[step, slot]
+    for i in range(room.q.shape[1]):
+        room.q[0, i] = beam.q[before, of, i]
+    for k in range(1, step - before):
+        step_on(ground, room.q[(k - 1) % 2], room.q[k % 2])
+        look_around(ground, room.q[k % 2], room.waste, beam.places[before, of], room.marks, miss)
+    q = beam.q[step, slot]
+    step_on(ground, room.q[(step - before - 1) % 2], q)
+    look_around(ground, q, room.waste, beam.places[step, slot], room.marks, miss)
+
+
+@inlined
+def add_rest(
+    ground: Ground,
+    stayed: Floats,
+    came: Floats,
+    rest: Floats,
+    step: int,
+    at: int,
+    to: int,
+    left: int,
+    more: Floats,
+) -> None:
+    """Add to `more`, F[rows], what a member can still detect at most by itself."""
+    horizon = stayed.shape[1] - 1
+    there, way = step + left, -1
+    if left > 0 and to != at:
+        for d in range(ground.start[at], ground.start[at + 1]):
+            if ground.head[d] == to:
+                way = d
+    for row in range(len(more)):
+        more[row] += stayed[row, min(there if way < 0 else there - 1, horizon), at] - stayed[row, step, at]
+        if there <= horizon:
+            more[row] += rest[row, there, to if left > 0 else at]
+            if way >= 0:
+                more[row] += came[row, there, way]
+
+
+@compiled
+def mixed(number: int) -> int:
+    """Some bits of a number that look random: numbers that are not equal hardly ever share them."""
+    number = (number + 0x1E3779B97F4A7C15) * 0x3F58476D1CE4E5B9
+    number ^= (number >> 29) & 0x7FFFFFFFF
+    number *= 0x14D049BB133111EB
+    return number ^ ((number >> 32) & 0xFFFFFFFF)
+
+
+@compiled
+def mixed_places(places: Ints) -> int:
+    """The same for a set of places."""
+    total = 0
+    for i in range(len(places)):
+        again = False
+        for j in range(i):
+            again |= places[j] == places[i]
+        if not again:
+            total += mixed(places[i])
+    return mixed(total)
+
+
+@compiled
+def before(beam: Beam, step: int, a: int, b: int) -> bool:
+    """Whether slot a is to be dropped before slot b."""
+    if beam.guide[step, a] != beam.guide[step, b]:
+        return bool(beam.guide[step, a] < beam.guide[step, b])
+    return bool(beam.number[step, a] > beam.number[step, b])
+
+
+@compiled
+def sift(beam: Beam, step: int, n: int) -> None:
+    """Put entry n of a step's heap into its place; the one to be dropped first is on top."""
+    heap, size = beam.heap[step], beam.size[step]
+    while n > 0 and before(beam, step, heap[n], heap[(n - 1) // 2]):
+        heap[n], heap[(n - 1) // 2] = heap[(n - 1) // 2], heap[n]
+        n = (n - 1) // 2
+    while 2 * n + 1 < size:
+        least = 2 * n + 1
+        if least + 1 < size and before(beam, step, heap[least + 1], heap[least]):
+            least += 1
+        if not before(beam, step, heap[least], heap[n]):
+            break
+        heap[n], heap[least] = heap[least], heap[n]
+        n = least
+
+
+@compiled
+def offer(beam: Beam, step: int, guide: float, upper: float, key: int, first: int, lost: Floats) -> int:
+    """A slot for a new node, which is among the best of its step; -1 where it is there already."""
+    size, width = beam.size[step], beam.guide.shape[1]
+    for slot in range(size):
+        if beam.key[step, slot] == key:
+            return -1
+    slot, n = size, size
+    if size == width:
+        slot, n = beam.heap[step, 0], 0
+        gone = beam.first[step, slot]
+        lost[gone] = max(lost[gone], beam.upper[step, slot])
+    else:
+        beam.size[step] += 1
+        beam.heap[step, n] = slot
+    beam.counted[0] += 1
+    beam.guide[step, slot], beam.upper[step, slot] = guide, upper
+    beam.key[step, slot], beam.first[step, slot] = key, first
+    beam.number[step, slot] = beam.counted[0]
+    sift(beam, step, n)
+    return int(slot)
+
+
+@inlined
+def follow(
+    ground: Ground,
+    stayed: Floats,
+    came: Floats,
+    rest: Floats,
+    beam: Beam,
+    room: Room,
+    step: int,
+    slot: int,
+    k: int,
+    first: int,
+    miss: float,
+    slack: float,
+    values: Floats,
+    lost: Floats,
+) -> None:
+    """The node that follows when the first of those in `room.to`, `room.left` arrives, k steps on."""
+    places, after, then = beam.places[step, slot], room.places, step + k
+    room.marks[-1] += 1
+    for j in range(len(room.child)):
+        room.child[j] = room.c[k - 1, j]
+    for row in range(len(room.more)):
+        room.more[row] = 0.0
+    for i in range(len(places)):
+        after[i] = room.to[i] if room.left[i] == k else places[i]
+        for n in range(ground.near_start[after[i]], ground.near_start[after[i] + 1]):
+            p = ground.near_at[n]
+            if room.marks[p] != room.marks[-1]:
+                room.marks[p] = room.marks[-1]
+                for j in range(len(room.child)):
+                    room.child[j] += (1 - miss) * room.mass[k, j, p]
+    value = either(room.child)
+    values[first] = max(values[first], value)
+    room.best[0] = max(room.best[0], value)
+    if then == stayed.shape[1] - 1:
+        return
+    for i in range(len(places)):
+        left = max(0, room.left[i] - k)
+        add_rest(ground, stayed, came, rest, then, after[i], room.to[i], left, room.more)
+    upper = most(room.child, room.more)
+    if hopeless(upper, values[first], room.best[0], slack):
+        return
+    guide = value + (1 - value) * min(1.0, room.lean[0] * room.more[-1])
+    if beam.size[then] == beam.guide.shape[1] and guide <= beam.guide[then, beam.heap[then, 0]]:
+        lost[first] = max(lost[first], upper)
+        return
+    key = beam.history[step, slot]
+    for _ in range(k - 1):
+        key = mixed(key + mixed_places(places))
+    key = mixed(key + mixed_places(after))
+    history, members = key, 0
+    for i in range(len(places)):
+        left = max(0, room.left[i] - k)
+        members += mixed(after[i] + mixed((room.to[i] if left > 0 else -1) + mixed(left)))
+    new = offer(beam, then, guide, upper, mixed(key + mixed(members + mixed(first))), first, lost)
+    if new >= 0:
+        beam.before[then, new], beam.of[then, new], beam.history[then, new] = step, slot, history
+        for j in range(len(room.child)):
+            beam.c[then, new, j] = room.child[j]
+        for i in range(len(places)):
+            beam.places[then, new, i] = after[i]
+            beam.left[then, new, i] = max(0, room.left[i] - k)
+            beam.to[then, new, i] = room.to[i] if room.left[i] > k else -1
+
+
+@compiled
+def expand(
+    ground: Ground,
+    stayed: Floats,
+    came: Floats,
+    rest: Floats,
+    beam: Beam,
+    room: Room,
+    step: int,
+    slot: int,
+    miss: float,
+    slack: float,
+    values: Floats,
+    lost: Floats,
+) -> None:
+    """All joint decisions at a node. At the root, step 0, each is a first decision of its own."""
+    places, targets, remaining = beam.places[step, slot], beam.to[step, slot], beam.left[step, slot]
+    over = stayed.shape[1] - 1 - step
+    for i in range(len(places)):
+        room.choice[i] = -1
+        room.free[i] = remaining[i] == 0
+    for i in range(room.q.shape[1]):
+        room.q[0, i] = beam.q[step, slot, i]
+    for j in range(len(room.child)):
+        room.c[0, j] = beam.c[step, slot, j]
+    known, found, changed = 0, 0, 0
+    while next_safe(
+        ground.start, ground.head, ground.steps, ground.heard, places, targets, remaining, room.free, True,
+        changed, room.choice, room.to, room.left, room.at, room.part,
+    ):  # fmt: skip
+        first = found if step == 0 else beam.first[step, slot]
+        found, changed, k = found + 1, -1, over + 1
+        for i in range(len(places)):
+            if room.left[i] > 0:
+                k = min(k, room.left[i])
+        watch(ground, room, places, known, min(k, over), miss)
+        known = max(known, min(k, over))
+        if k > over:
+            values[first] = max(values[first], either(room.c[over]))
+            room.best[0] = max(room.best[0], values[first])
+        else:
+            follow(ground, stayed, came, rest, beam, room, step, slot, k, first, miss, slack, values, lost)
+    if found == 0:  # nothing is safe but to stay
+        first = 0 if step == 0 else beam.first[step, slot]
+        watch(ground, room, places, known, over, miss)
+        values[first] = max(values[first], either(room.c[over]))
+        room.best[0] = max(room.best[0], values[first])
+
+
+@compiled
+def search_team(
+    ground: Ground,
+    stayed: Floats,
+    came: Floats,
+    rest: Floats,
+    beam: Beam,
+    room: Room,
+    miss: float,
+    slack: float,
+    values: Floats,
+    lost: Floats,
+) -> int:
+    """Beam search, step by step, from the node in slot 0 of step 0: how many nodes it has gone on from.
+
+    `values`, F[first decisions]: raised to that of the best plan found that begins with each; `lost`: to
+    the greatest bound of the nodes that found no room.
+    """
+    nodes = 0
+    for step in range(stayed.shape[1] - 1):
+        for slot in range(beam.size[step]):
+            own = values[beam.first[step, slot]]
+            if step > 0:
+                if hopeless(beam.upper[step, slot], own, room.best[0], slack):
+                    continue
+                arrive(ground, beam, room, step, slot, miss)
+            nodes += 1
+            expand(ground, stayed, came, rest, beam, room, step, slot, miss, slack, values, lost)
+    return nodes

@@ -1,0 +1,113 @@
+"""What a robot, and everybody it is connected to, knows of where the others are.
+
+The order in a step: everybody moves; each group that was connected before advances its beliefs and observes,
+together with all it is connected to now, that the absent are not heard (`ticked`); then what such groups know
+is merged, one factor for each (`merged`); those who are connected are known exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from agent.behaviours.reconnection import belief as beliefs
+from agent.behaviours.reconnection.belief import Outcome
+from agent.behaviours.reconnection.mixture import aligned, blended, willingness
+from agent.behaviours.reconnection.model import Bools, Floats, Model, Ways
+from agent.behaviours.reconnection.team import Motion, way_between
+
+
+class Expectation:
+    """How others are expected to move: a model, or two for robots that may be cooperative or neutral.
+
+    `half`: after how many steps without contact a robot cooperates with probability 1/2 (`mixture`).
+    """
+
+    def __init__(self, cooperative: Model, neutral: Model | None = None, half: float = 0.0) -> None:
+        self._half = half
+        self._blends: dict[int, Model] = {}
+        self._neutral: Model | None = None
+        self._cooperative = cooperative
+        if neutral is not None:
+            self._cooperative, self._neutral = aligned(cooperative, neutral)
+
+    @property
+    def model(self) -> Model:
+        """What numbers the states."""
+        return self._cooperative
+
+    def stepped(self, heard: Bools, belief: Floats, miss: float, since: int) -> tuple[Floats, Outcome]:
+        """One step later, and not heard (Eq. 7); `since`: steps since the last contact."""
+        if self._neutral is None:
+            return beliefs.step(self._cooperative, heard, belief, miss)
+        c = willingness(since, self._half)
+        after = beliefs.advanced_mixture(self._cooperative, self._neutral, c, belief)
+        return beliefs.observed(self._cooperative, heard, after, miss)
+
+    def planned(self, since: int) -> Model:
+        """One model to plan with: for two, blended by a c rounded to tenths, so that few are made."""
+        if self._neutral is None:
+            return self._cooperative
+        tenths = round(10 * willingness(since, self._half))
+        if tenths not in self._blends:
+            self._blends[tenths] = blended(self._cooperative, self._neutral, tenths / 10)
+        return self._blends[tenths]
+
+
+@dataclass
+class Knowledge:
+    """Where each other robot is: certain for those connected at the last step, else believed."""
+
+    certain: dict[int, Motion]
+    believed: dict[int, Floats] = field(default_factory=dict)
+    since: dict[int, int] = field(default_factory=dict)
+    """Steps since the last contact with those believed."""
+
+    def vector(self, model: Model, ways: Ways, robot: int) -> Floats:
+        """The belief of one robot: (S,)."""
+        if robot in self.believed:
+            return self.believed[robot]
+        return point(model, ways, self.certain[robot])
+
+    def ticked(
+        self, expected: Expectation, ways: Ways, absent: Iterable[int], heard: Bools, miss: float
+    ) -> tuple[Knowledge, dict[int, Outcome]]:
+        """What is known of the absent one step later, at which they are not heard; what became of it.
+
+        `heard`: (V,), the places that any of those connected hears.
+        """
+        after, outcomes = Knowledge({}), {}
+        for robot in absent:
+            since = self.since.get(robot, 0) + 1
+            vector = self.vector(expected.model, ways, robot)
+            after.believed[robot], outcomes[robot] = expected.stepped(heard, vector, miss, since)
+            after.since[robot] = since
+        return after, outcomes
+
+
+def point(model: Model, ways: Ways, motion: Motion) -> Floats:
+    """Certainty; a robot that turns back counts as one at the place that it returns to."""
+    if motion.free or motion.towards == motion.place or motion.elapsed == 0:
+        return beliefs.at_vertex(model, motion.place)
+    return beliefs.on_way(model, way_between(ways, motion.place, motion.towards), motion.elapsed)
+
+
+def merged(
+    factors: Sequence[Knowledge], connected: Mapping[int, Motion]
+) -> tuple[Knowledge, dict[int, Outcome]]:
+    """What groups that have met know together of the absent (sec. III.D), and of each other."""
+    after, outcomes = Knowledge(dict(connected)), {}
+    for robot in factors[0].believed:
+        each = [factor.believed[robot] for factor in factors]
+        after.believed[robot], outcomes[robot] = (
+            beliefs.merged(each) if len(each) > 1 else (each[0], Outcome.usual)
+        )
+        after.since[robot] = min(factor.since[robot] for factor in factors)
+    return after, outcomes
+
+
+def heard_by(hearing: Bools, motions: Iterable[Motion]) -> Bools:
+    """The places that any of these robots hears: (V,)."""
+    return np.asarray(hearing[[motion.place for motion in motions]].any(axis=0))

@@ -1,0 +1,1 @@
+"""Re-establishing communication (Vandermeulen, Groß & Kolling): scenario, study, scores, figures."""

@@ -1,0 +1,191 @@
+"""A team that searches for itself, step by step, without radio: what the paper simulates (sec. V).
+
+The same members, knowledge and methods as robots have; only that whoever is connected shares its knowledge by
+sharing the object, instead of by messages.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+
+from msgspec import Struct
+
+from agent.behaviours.reconnection.belief import Outcome, mass_at
+from agent.behaviours.reconnection.knowledge import Expectation, Knowledge, heard_by, merged
+from agent.behaviours.reconnection.member import Member
+from agent.behaviours.reconnection.methods import Plan, Planner, Rules
+from agent.behaviours.reconnection.model import Bools, Ways
+from agent.behaviours.reconnection.team import Motion, networks, targets_of
+
+
+class Course(Struct, frozen=True):
+    """How one search went. Steps count from the end of the random phase."""
+
+    steps: int
+    """When the team was one network, or the limit."""
+    connected: bool
+    """Whether it ever was."""
+    stuck: bool
+    """Whether it is proved that it never would be: a deterministic search that came back to where it was."""
+    moves: int
+    """How often robots have come to another vertex while searching."""
+    turned: int
+    """How often robots have been turned back."""
+    plans: int
+    proven: int
+    """How many plans groups of two or more have made, and how many of them were proven best."""
+    outcomes: dict[str, int]
+    """How often beliefs turned out wrong in each way of `belief.Outcome`."""
+    beliefs: int
+    """How often a belief was asked for the true place of a robot."""
+    zero: int
+    """How often it held it for impossible."""
+
+
+Watch = Callable[[int, "Search"], None]
+
+
+class Search:
+    """One team in one environment; `run` once."""
+
+    def __init__(
+        self,
+        ways: Ways,
+        hearing: Bools,
+        expected: Expectation,
+        rules: Rules,
+        members: Sequence[Member],
+        targets: Sequence[Sequence[int]],
+    ) -> None:
+        self.members = members
+        self.groups: list[tuple[int, ...]] = []
+        """Who is connected, at this step."""
+        self.known: list[Knowledge] = []
+        """What each robot knows; the same object for all that are connected."""
+        self._ways, self._hearing, self._expected, self._rules = ways, hearing, expected, rules
+        self._planner = Planner(ways, hearing, expected, rules)
+        self._targets = targets
+        self._believes = rules.method == "semi-markov"
+        self._count = {"moves": 0, "turned": 0, "plans": 0, "proven": 0, "beliefs": 0, "zero": 0}
+        self._outcomes = dict.fromkeys(Outcome, 0)
+        everybody = {robot: member.motion for robot, member in enumerate(members)}
+        self.known = [Knowledge(everybody)] * len(members)
+        self._subgroups: list[tuple[int, ...]] = []
+
+    def run(self, random_steps: int, limit: int, watch: Watch | None = None) -> Course:
+        """Wander, then search, until the team is one network, or for `limit` steps."""
+        step, seen = 0, _Recurrence() if self._rules.deterministic else None
+        while True:
+            self._meet()
+            if watch is not None:
+                watch(step, self)
+            searched = step - random_steps
+            ready = all(member.searching(step) for member in self.members)
+            done = ready and len(self.groups) == 1
+            stuck = not done and ready and seen is not None and seen.again(self._state())
+            if searched >= 0 and (done or stuck or searched >= limit):
+                return self._course(searched if done else limit, done, stuck)
+            self._decide(step)
+            for member in self.members:
+                place = member.motion.place
+                member.advance()
+                self._count["moves"] += searched >= 0 and member.motion.place != place
+            step += 1
+
+    def _meet(self) -> None:
+        """Who is connected now, and what they know together."""
+        motions = [member.motion for member in self.members]
+        first = not self.groups
+        self.groups = networks({i: motion.place for i, motion in enumerate(motions)}, self._hearing)
+        if first or not self._believes:  # where everybody starts, everybody knows
+            return
+        known = list(self.known)
+        for group in self.groups:
+            together = self._learnt(group, motions)
+            for robot in group:
+                known[robot] = together
+        self.known = known
+
+    def _learnt(self, group: tuple[int, ...], motions: Sequence[Motion]) -> Knowledge:
+        connected = {robot: motions[robot] for robot in group}
+        absent = [robot for robot in range(len(motions)) if robot not in connected]
+        heard = heard_by(self._hearing, connected.values())
+        factors = []
+        for before in {id(self.known[robot]): self.known[robot] for robot in group}.values():
+            factor, outcomes = before.ticked(self._expected, self._ways, absent, heard, self._rules.miss)
+            self._note(outcomes)
+            factors.append(factor)
+        together, outcomes = merged(factors, connected)
+        self._note(outcomes)
+        model = self._expected.model
+        for robot in absent:
+            self._count["beliefs"] += 1
+            self._count["zero"] += mass_at(model, together.believed[robot], motions[robot].place) == 0
+        return together
+
+    def _note(self, outcomes: dict[int, Outcome]) -> None:
+        for outcome in outcomes.values():
+            self._outcomes[outcome] += 1
+
+    def _decide(self, step: int) -> None:
+        members, before, now = self.members, self._subgroups, []
+        for member in members:
+            member.mind_own_business(step)
+        for group in self.groups:
+            places = {robot: members[robot].motion.place for robot in group if members[robot].searching(step)}
+            for subgroup in networks(places, self._hearing):
+                self._decide_together(step, subgroup, group, subgroup not in before)
+                now.append(subgroup)
+        self._subgroups = now
+
+    def _decide_together(
+        self, step: int, subgroup: tuple[int, ...], group: tuple[int, ...], changed: bool
+    ) -> None:
+        members = [self.members[robot] for robot in subgroup]
+        memory = self._rules.memory
+        persistent = self._rules.method == "persistent"
+        plan = self._planner.decided(
+            {robot: self.members[robot].motion for robot in subgroup},
+            targets_of(subgroup, group, self._targets),
+            self.known[subgroup[0]],
+            {robot: self.members[robot].ages(memory) for robot in subgroup} if persistent else {},
+            members[0].drawn(step),
+            changed,
+        )
+        for robot, member in zip(subgroup, members, strict=True):
+            member.motion = plan.motions[robot]
+        self._note_plan(plan, len(subgroup))
+
+    def _note_plan(self, plan: Plan, members: int) -> None:
+        self._count["turned"] += len(plan.turned)
+        if members > 1 and plan.contact is not None:
+            self._count["plans"] += 1
+            self._count["proven"] += bool(plan.proven)
+
+    def _state(self) -> bytes:
+        """All that what follows depends on, where nothing is drawn."""
+        digest = hashlib.blake2b(repr([member.motion for member in self.members]).encode(), digest_size=16)
+        for group in self.groups:
+            for belief in self.known[group[0]].believed.values():
+                digest.update(belief.tobytes())
+        return digest.digest()
+
+    def _course(self, steps: int, connected: bool, stuck: bool) -> Course:
+        outcomes = {outcome.name: count for outcome, count in self._outcomes.items()}
+        return Course(steps=steps, connected=connected, stuck=stuck, outcomes=outcomes, **self._count)
+
+
+class _Recurrence:
+    """Whether a state has been there before, in constant room (Brent 1980)."""
+
+    def __init__(self) -> None:
+        self._kept, self._since, self._power = b"", 0, 1
+
+    def again(self, state: bytes) -> bool:
+        if state == self._kept:
+            return True
+        self._since += 1
+        if self._since == self._power:
+            self._kept, self._since, self._power = state, 0, 2 * self._power
+        return False
