@@ -96,6 +96,11 @@ class Radio:
         return await self._inbox.take()
 
     @property
+    def max_payload_bytes(self) -> int:
+        """Most bytes of one message; under TDMA a slot may carry less (`Slot.bytes`)."""
+        return self._plan.max_payload_bytes
+
+    @property
     def awaited(self) -> bool:
         """True while the behaviour waits for a message."""
         return self._inbox.awaited

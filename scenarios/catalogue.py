@@ -26,6 +26,7 @@ STUDIES = {
     "coverage-emulated": "scenarios.coverage.emulated:EMULATED",
     "propagation": "scenarios.dissemination.study_propagation:STUDY",
     "propagation-emulated": "scenarios.dissemination.emulated:PROPAGATION",
+    "reconnection": "scenarios.reconnection.study_reconnection:STUDY",
     "reuse": "scenarios.dissemination.study_reuse:STUDY",
 }
 PAPERS = {

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import NamedTuple
 
 import networkx as nx
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.behaviours.reconnection.model import Model, Ways
 from channels.graphs import Bools, Floats, Graph
@@ -34,7 +34,7 @@ def random_graph(generator: np.random.Generator, vertices: int, extra: int) -> G
     )
 
 
-def dense(model: Model) -> NDArray[np.float64]:
+def dense(model: Model) -> Floats:
     """F as a matrix: entry (to, from)."""
     matrix = np.zeros((model.states, model.states))
     for a in range(len(model.place)):
@@ -51,16 +51,26 @@ def places_of(model: Model) -> list[int]:
     return [int(model.place[a]) for a in range(len(model.place)) for _ in range(*model.first[a : a + 2])]
 
 
-def worth(
-    models: Sequence[Model], beliefs: Sequence[Floats], hearing: Bools, plan: Sequence[Places], miss: float
-) -> float:
+class Target(NamedTuple):
+    """One target: F, the place of every state, and the belief now."""
+
+    matrix: Floats
+    places: list[int]
+    belief: Floats
+
+
+def targets_of(models: Sequence[Model], beliefs: Sequence[Floats]) -> list[Target]:
+    return [Target(dense(m), places_of(m), belief) for m, belief in zip(models, beliefs, strict=True)]
+
+
+def worth(targets: Sequence[Target], hearing: Bools, plan: Sequence[Places], miss: float) -> float:
     """Probability of contact with any target when searchers are at these places in steps 1, 2, ..."""
     never = 1.0
-    for model, belief in zip(models, beliefs, strict=True):
-        matrix, where, q, met = dense(model), places_of(model), np.array(belief), 0.0
-        for places in plan:
+    for matrix, places, belief in targets:
+        q, met = belief, 0.0
+        for searchers in plan:
             q = matrix @ q
-            heard = np.array([any(hearing[p, place] for p in places) for place in where])
+            heard = hearing[list(searchers)].any(axis=0)[places]
             met += (1 - miss) * q[heard].sum()
             q = np.where(heard, miss * q, q)
         never *= 1 - met
@@ -87,9 +97,8 @@ def paths(ways: Ways, vertex: int, horizon: int) -> Iterator[tuple[list[int], li
 
 def best_alone(
     ways: Ways,
-    models: Sequence[Model],
+    targets: Sequence[Target],
     hearing: Bools,
-    beliefs: Sequence[Floats],
     vertex: int,
     horizon: int,
     miss: float,
@@ -97,7 +106,7 @@ def best_alone(
     """The value of the best path by its first move."""
     found: dict[int, float] = {}
     for moves, plan in paths(ways, vertex, horizon):
-        found[moves[0]] = max(found.get(moves[0], 0.0), worth(models, beliefs, hearing, plan, miss))
+        found[moves[0]] = max(found.get(moves[0], 0.0), worth(targets, hearing, plan, miss))
     return found
 
 
@@ -162,9 +171,8 @@ def joint_plans(
 
 def best_joint(
     ways: Ways,
-    models: Sequence[Model],
+    targets: Sequence[Target],
     hearing: Bools,
-    beliefs: Sequence[Floats],
     team: Sequence[Member],
     horizon: int,
     miss: float,
@@ -175,6 +183,6 @@ def best_joint(
     for decision, plan in joint_plans(ways, hearing, team, horizon):
         key = tuple(frozenset(places) for places in plan)
         if key not in known:
-            known[key] = worth(models, beliefs, hearing, plan, miss)
+            known[key] = worth(targets, hearing, plan, miss)
         found[decision] = max(found.get(decision, 0.0), known[key])
     return found

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from itertools import combinations
 
+import numpy as np
 from msgspec import Struct
 
 from agent.behaviours.reconnection.belief import Outcome, mass_at
 from agent.behaviours.reconnection.knowledge import Expectation, Knowledge, heard_by, merged
 from agent.behaviours.reconnection.member import Member
-from agent.behaviours.reconnection.methods import Plan, Planner, Rules
-from agent.behaviours.reconnection.model import Bools, Ways
+from agent.behaviours.reconnection.methods import Plan, Planner, Rules, due
+from agent.behaviours.reconnection.model import Bools, Model, Ways
 from agent.behaviours.reconnection.team import Motion, networks, targets_of
+from channels.randomness import Draws
 
 
 class Course(Struct, frozen=True):
@@ -32,6 +35,8 @@ class Course(Struct, frozen=True):
     """How often robots have come to another vertex while searching."""
     turned: int
     """How often robots have been turned back."""
+    broken: int
+    """How often robots that searched as one network were not within one network a step later."""
     plans: int
     proven: int
     """How many plans groups of two or more have made, and how many of them were proven best."""
@@ -41,6 +46,17 @@ class Course(Struct, frozen=True):
     """How often a belief was asked for the true place of a robot."""
     zero: int
     """How often it held it for impossible."""
+
+
+class Loss(Struct, frozen=True):
+    """How contacts are missed: that two hear each other, who were not connected at the step before."""
+
+    probability: float
+    draws: Draws
+
+    def misses(self, step: int, one: int, other: int) -> bool:
+        """Whether these two, the lower number first, miss each other at this step."""
+        return bool(self.draws.uniform(step, one, other) < self.probability)
 
 
 Watch = Callable[[int, "Search"], None]
@@ -57,6 +73,7 @@ class Search:
         rules: Rules,
         members: Sequence[Member],
         targets: Sequence[Sequence[int]],
+        loss: Loss | None = None,
     ) -> None:
         self.members = members
         self.groups: list[tuple[int, ...]] = []
@@ -65,26 +82,32 @@ class Search:
         """What each robot knows; the same object for all that are connected."""
         self._ways, self._hearing, self._expected, self._rules = ways, hearing, expected, rules
         self._planner = Planner(ways, hearing, expected, rules)
-        self._targets = targets
+        self._targets, self._loss = targets, loss
         self._believes = rules.method == "semi-markov"
-        self._count = {"moves": 0, "turned": 0, "plans": 0, "proven": 0, "beliefs": 0, "zero": 0}
+        self._count = dict.fromkeys(("moves", "turned", "broken", "plans", "proven", "beliefs", "zero"), 0)
         self._outcomes = dict.fromkeys(Outcome, 0)
         everybody = {robot: member.motion for robot, member in enumerate(members)}
         self.known = [Knowledge(everybody)] * len(members)
+        self._places: list[int] = []
         self._subgroups: list[tuple[int, ...]] = []
+
+    @property
+    def model(self) -> Model:
+        """What numbers the states of beliefs."""
+        return self._expected.model
 
     def run(self, random_steps: int, limit: int, watch: Watch | None = None) -> Course:
         """Wander, then search, until the team is one network, or for `limit` steps."""
-        step, seen = 0, _Recurrence() if self._rules.deterministic else None
+        step, seen = 0, _Recurrence() if self._repeats() else None
         while True:
-            self._meet()
+            self._meet(step)
             if watch is not None:
                 watch(step, self)
             searched = step - random_steps
-            ready = all(member.searching(step) for member in self.members)
+            ready = searched >= 0 and all(member.searching(step) for member in self.members)
             done = ready and len(self.groups) == 1
             stuck = not done and ready and seen is not None and seen.again(self._state())
-            if searched >= 0 and (done or stuck or searched >= limit):
+            if done or stuck or searched >= limit:
                 return self._course(searched if done else limit, done, stuck)
             self._decide(step)
             for member in self.members:
@@ -93,19 +116,39 @@ class Search:
                 self._count["moves"] += searched >= 0 and member.motion.place != place
             step += 1
 
-    def _meet(self) -> None:
+    def _repeats(self) -> bool:
+        """Whether what follows depends on `_state` alone, once all search: nothing is drawn."""
+        one_model = self._expected.planned(since=0) is self._expected.model  # not one for each time
+        return self._believes and self._rules.deterministic and self._loss is None and one_model
+
+    def _meet(self, step: int) -> None:
         """Who is connected now, and what they know together."""
-        motions = [member.motion for member in self.members]
         first = not self.groups
-        self.groups = networks({i: motion.place for i, motion in enumerate(motions)}, self._hearing)
+        places = [member.motion.place for member in self.members]
+        if places != self._places or self._loss is not None:
+            before, self._places = self.groups, places
+            self.groups = self._networks(step, places)
+            if self.groups != before:
+                self._count["broken"] += sum(not _within(each, self.groups) for each in self._subgroups)
         if first or not self._believes:  # where everybody starts, everybody knows
             return
+        motions = [member.motion for member in self.members]
         known = list(self.known)
         for group in self.groups:
             together = self._learnt(group, motions)
             for robot in group:
                 known[robot] = together
         self.known = known
+
+    def _networks(self, step: int, places: Sequence[int]) -> list[tuple[int, ...]]:
+        if self._loss is None:
+            return networks(dict(enumerate(places)), self._hearing)
+        near = self._hearing[np.ix_(places, places)]
+        for one, other in combinations(range(len(places)), 2):
+            together = _within((one, other), self.groups)
+            if near[one, other] and not together and self._loss.misses(step, one, other):
+                near[one, other] = near[other, one] = False
+        return networks({robot: robot for robot in range(len(places))}, near)
 
     def _learnt(self, group: tuple[int, ...], motions: Sequence[Motion]) -> Knowledge:
         connected = {robot: motions[robot] for robot in group}
@@ -143,10 +186,13 @@ class Search:
         self, step: int, subgroup: tuple[int, ...], group: tuple[int, ...], changed: bool
     ) -> None:
         members = [self.members[robot] for robot in subgroup]
+        motions = {robot: self.members[robot].motion for robot in subgroup}
+        if not changed and not due(motions, changed):  # and what they do stays safe, as it was decided
+            return
         memory = self._rules.memory
         persistent = self._rules.method == "persistent"
         plan = self._planner.decided(
-            {robot: self.members[robot].motion for robot in subgroup},
+            motions,
             targets_of(subgroup, group, self._targets),
             self.known[subgroup[0]],
             {robot: self.members[robot].ages(memory) for robot in subgroup} if persistent else {},
@@ -165,7 +211,12 @@ class Search:
 
     def _state(self) -> bytes:
         """All that what follows depends on, where nothing is drawn."""
-        digest = hashlib.blake2b(repr([member.motion for member in self.members]).encode(), digest_size=16)
+        # How long a robot has waited only matters as it begins to.
+        motions = [
+            m._replace(elapsed=min(m.elapsed, 1)) if m.free else m
+            for m in (each.motion for each in self.members)
+        ]
+        digest = hashlib.blake2b(repr((motions, self.groups, self._subgroups)).encode(), digest_size=16)
         for group in self.groups:
             for belief in self.known[group[0]].believed.values():
                 digest.update(belief.tobytes())
@@ -189,3 +240,8 @@ class _Recurrence:
         if self._since == self._power:
             self._kept, self._since, self._power = state, 0, 2 * self._power
         return False
+
+
+def _within(robots: Sequence[int], groups: Sequence[Sequence[int]]) -> bool:
+    """Whether one group has them all."""
+    return any(set(robots) <= set(group) for group in groups)

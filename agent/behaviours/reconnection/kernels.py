@@ -28,12 +28,6 @@ def compiled(function: F) -> F:
     return kept  # type: ignore[no-any-return]
 
 
-def inlined(function: F) -> F:
-    """Compiled into what calls it: calls that pass many arrays take longer than what they then do."""
-    kept: Any = njit(cache=True, inline="always")(function)
-    return kept  # type: ignore[no-any-return]
-
-
 @compiled
 def advance(
     first: Ints,
@@ -180,37 +174,22 @@ def safe(places: Ints, targets: Ints, remaining: Ints, heard: Bools) -> bool:
     return now and then and between(places, targets, remaining, heard)
 
 
-@inlined
-def next_choice(start: Ints, places: Ints, free: Bools, choice: Ints) -> int:
-    """The next joint choice in lexicographic order, in place: the first member to change, -1 after the last.
-
-    choice[i]: -1, wait, or which of the ways out of its place member i takes; -1 for whoever is not free.
-    """
-    for i in range(len(places) - 1, -1, -1):
-        if free[i]:
-            if choice[i] + 1 < start[places[i] + 1] - start[places[i]]:
-                choice[i] += 1
-                return i
-            choice[i] = -1
-    return -1
-
-
-@inlined
-def distinct(places: Ints, free: Bools, choice: Ints) -> bool:
+@compiled
+def distinct(places: Ints, remaining: Ints, choice: Ints) -> bool:
     """Whether a joint choice is the first, in order, of those that differ by who of its equals does what."""
     for i in range(1, len(places)):
         for j in range(i):
-            if free[i] and free[j] and places[i] == places[j] and choice[j] > choice[i]:
+            if places[i] == places[j] and choice[j] > choice[i] and not (remaining[i] or remaining[j]):
                 return False
     return True
 
 
-@inlined
+@compiled
 def label(at: Ints, heard: Bools, part: Ints) -> None:
-    """`part[i]`: number of the network that member i is in but for the last; `part[-1]`: all of them, as bits."""
-    members = len(at) - 1
-    part[members] = 0
-    for i in range(members):
+    """`part[i]`: the network that member i is in without the last member; `part[-1]`: them all, as bits."""
+    last = len(at) - 1
+    part[last] = 0
+    for i in range(last):
         part[i] = i
         for j in range(i):
             if part[j] != i and heard[at[i], at[j]]:
@@ -218,12 +197,12 @@ def label(at: Ints, heard: Bools, part: Ints) -> None:
                 for n in range(i):
                     if part[n] == old:
                         part[n] = i
-    for i in range(members):
-        part[members] |= 1 << part[i]
+    for i in range(last):
+        part[last] |= 1 << part[i]
 
 
 @compiled
-def next_safe(
+def gather(
     start: Ints,
     head: Ints,
     steps: Ints,
@@ -231,79 +210,60 @@ def next_safe(
     places: Ints,
     targets: Ints,
     remaining: Ints,
-    free: Bools,
     once: bool,
     changed: int,
     choice: Ints,
-    to: Ints,
-    left: Ints,
     at: Ints,
     part: Ints,
-) -> bool:
-    """Go on to the next joint choice that is safe, with somebody on the way; False where none is left.
+    chosen: Ints,
+    to: Ints,
+    left: Ints,
+) -> int:
+    """The next safe joint choices with somebody on the way: how many, as many as `chosen`, I[room, m], holds.
 
-    The group is one network now. Begin with `choice` of -1 and `changed` 0; then leave all as it is, with
-    `changed` -1. `to`, `left` become where all go; the other arrays are to work in. `once`: only `distinct`.
+    A choice is, for each member, -1, to wait (and for those on the way, who have nothing to choose), or
+    which of the ways out of its place it takes; they come in lexicographic order. `to`, `left`, I[room, m]:
+    where all then go. The group is one network now. Begin with `choice`, I[m], all -1, and `changed` 0; to
+    go on, leave all as it is, with `changed` -1. `at`, `part`, I[m]: to work in. `once`: only `distinct`.
     """
-    last = len(places) - 1
-    while True:
+    last, n = len(places) - 1, 0
+    while n < len(chosen):
         if changed < 0:
-            changed = next_choice(start, places, free, choice)
+            changed = last
+            while changed >= 0 and (
+                remaining[changed] > 0
+                or choice[changed] + 1 == start[places[changed] + 1] - start[places[changed]]
+            ):
+                choice[changed] = -1
+                changed -= 1
             if changed < 0:
-                return False
-        for i in range(changed, last + 1):
-            to[i], left[i] = targets[i], remaining[i]
+                return n
+            choice[changed] += 1
+        latest, soonest = 0, 1 << 60
+        for i in range(last + 1):
+            to[n, i], left[n, i] = targets[i], remaining[i]
             if choice[i] >= 0:
                 way = start[places[i]] + choice[i]
-                to[i], left[i] = head[way], steps[way] + 1
-            at[i] = to[i] if left[i] > 0 else places[i]
-        if changed < last:
+                to[n, i], left[n, i] = head[way], steps[way] + 1
+            at[i] = to[n, i] if left[n, i] > 0 else places[i]
+            chosen[n, i] = choice[i]
+            latest = max(latest, left[n, i])
+            soonest = min(soonest, left[n, i] if left[n, i] > 0 else soonest)
+        if changed < last or last == 0:
             label(at, heard, part)
-        elif last == 0:
-            part[0] = 0
-        changed, joined, moving = -1, 0, left[last] > 0
+        joined = 0
         for i in range(last):
-            moving |= left[i] > 0
             if heard[at[last], at[i]]:
                 joined |= 1 << part[i]
-        if joined != part[last] or not moving or (once and not distinct(places, free, choice)):
-            continue
-        if between(places, to, left, heard):
-            return True
-
-
-@compiled
-def list_moves(
-    start: Ints,
-    head: Ints,
-    steps: Ints,
-    heard: Bools,
-    places: Ints,
-    targets: Ints,
-    remaining: Ints,
-    free: Bools,
-    once: bool,
-    choice: Ints,
-    to: Ints,
-    left: Ints,
-    at: Ints,
-    part: Ints,
-    found: Ints,
-) -> int:
-    """How many safe joint decisions there are; `found`, I[room, m], becomes as many as it has room for.
-
-    See `planner.joint_moves`, and `next_safe` for the rest.
-    """
-    count, changed = 0, 0
-    while next_safe(
-        start, head, steps, heard, places, targets, remaining, free, once, changed, choice, to, left, at, part
-    ):
         changed = -1
-        if count < len(found):
-            for i in range(len(places)):
-                found[count, i] = to[i] if choice[i] >= 0 else -1
-        count += 1
-    return count
+        if (
+            joined == part[last]
+            and latest > 0
+            and (soonest == latest or between(places, to[n], left[n], heard))
+            and (not once or distinct(places, remaining, choice))
+        ):
+            n += 1
+    return n
 
 
 @compiled
@@ -613,7 +573,7 @@ def search_alone(
 
 @compiled
 def look_around(ground: Ground, q: Floats, c: Floats, places: Ints, marks: Ints, miss: float) -> None:
-    """Observe from several places, each place that is heard once; `marks`, I[V], remembers which."""
+    """Observe from several places, each place that is heard once; `marks` as in Room."""
     marks[-1] += 1
     for i in range(len(places)):
         for n in range(ground.near_start[places[i]], ground.near_start[places[i] + 1]):
@@ -624,8 +584,11 @@ def look_around(ground: Ground, q: Floats, c: Floats, places: Ints, marks: Ints,
 
 
 @compiled
-def watch(ground: Ground, room: Room, places: Ints, known: int, wanted: int, miss: float) -> None:
-    """A team stays where it is: `room.c[k]`, detected by step k, and `room.mass[k]`, what was where."""
+def watch(ground: Ground, room: Room, places: Ints, known: int, wanted: int, miss: float) -> int:
+    """A team stays where it is: `room.c[k]`, detected by step k, and `room.mass[k]`, what was where.
+
+    For k up to `wanted`; returns up to which k it is known then.
+    """
     for k in range(known + 1, wanted + 1):
         q = room.q[k % 2]
         step_on(ground, room.q[(k - 1) % 2], q)
@@ -637,6 +600,7 @@ def watch(ground: Ground, room: Room, places: Ints, known: int, wanted: int, mis
             for s in range(ground.first[a], ground.first[a + 1]):
                 room.mass[k, ground.target[a], ground.place[a]] += q[s]
         look_around(ground, q, room.c[k], places, room.marks, miss)
+    return max(known, wanted)
 
 
 @compiled
@@ -653,31 +617,31 @@ def arrive(ground: Ground, beam: Beam, room: Room, step: int, slot: int, miss: f
     look_around(ground, q, room.waste, beam.places[step, slot], room.marks, miss)
 
 
-@inlined
-def add_rest(
-    ground: Ground,
-    stayed: Floats,
-    came: Floats,
-    rest: Floats,
-    step: int,
-    at: int,
-    to: int,
-    left: int,
-    more: Floats,
+@compiled
+def look_ahead(
+    ground: Ground, stayed: Floats, came: Floats, rest: Floats, beam: Beam, room: Room, step: int, slot: int
 ) -> None:
-    """Add to `more`, F[rows], what a member can still detect at most by itself."""
+    """`room.ahead[row, i, n]`: what member i can detect at most by itself, by its choice n - 1, on any way.
+
+    Counted from step 0, as if it had been at its place before.
+    """
     horizon = stayed.shape[1] - 1
-    there, way = step + left, -1
-    if left > 0 and to != at:
-        for d in range(ground.start[at], ground.start[at + 1]):
-            if ground.head[d] == to:
-                way = d
-    for row in range(len(more)):
-        more[row] += stayed[row, min(there if way < 0 else there - 1, horizon), at] - stayed[row, step, at]
-        if there <= horizon:
-            more[row] += rest[row, there, to if left > 0 else at]
-            if way >= 0:
-                more[row] += came[row, there, way]
+    for i in range(beam.places.shape[2]):
+        at, to, left = beam.places[step, slot, i], beam.to[step, slot, i], beam.left[step, slot, i]
+        for way in range(ground.start[at], ground.start[at + 1]):
+            there, n = step + ground.steps[way] + 1, way - ground.start[at] + 1
+            if left > 0:
+                there, n = step + left, 0
+            if left == 0 or to == ground.head[way]:
+                for row in range(stayed.shape[0]):
+                    room.ahead[row, i, n] = stayed[row, min(there - 1, horizon), at]
+                    if there <= horizon:
+                        room.ahead[row, i, n] += came[row, there, way] + rest[row, there, ground.head[way]]
+        if left > 0 and to == at:
+            for row in range(stayed.shape[0]):
+                room.ahead[row, i, 0] = stayed[row, min(step + left, horizon), at]
+                if step + left <= horizon:
+                    room.ahead[row, i, 0] += rest[row, step + left, at]
 
 
 @compiled
@@ -750,70 +714,106 @@ def offer(beam: Beam, step: int, guide: float, upper: float, key: int, first: in
     return int(slot)
 
 
-@inlined
-def follow(
-    ground: Ground,
-    stayed: Floats,
-    came: Floats,
-    rest: Floats,
+@compiled
+def keep(
     beam: Beam,
     room: Room,
     step: int,
     slot: int,
-    k: int,
+    then: int,
+    n: int,
     first: int,
-    miss: float,
-    slack: float,
-    values: Floats,
+    guide: float,
+    upper: float,
     lost: Floats,
 ) -> None:
-    """The node that follows when the first of those in `room.to`, `room.left` arrives, k steps on."""
-    places, after, then = beam.places[step, slot], room.places, step + k
-    room.marks[-1] += 1
-    for j in range(len(room.child)):
-        room.child[j] = room.c[k - 1, j]
-    for row in range(len(room.more)):
-        room.more[row] = 0.0
-    for i in range(len(places)):
-        after[i] = room.to[i] if room.left[i] == k else places[i]
-        for n in range(ground.near_start[after[i]], ground.near_start[after[i] + 1]):
-            p = ground.near_at[n]
-            if room.marks[p] != room.marks[-1]:
-                room.marks[p] = room.marks[-1]
-                for j in range(len(room.child)):
-                    room.child[j] += (1 - miss) * room.mass[k, j, p]
-    value = either(room.child)
-    values[first] = max(values[first], value)
-    room.best[0] = max(room.best[0], value)
-    if then == stayed.shape[1] - 1:
-        return
-    for i in range(len(places)):
-        left = max(0, room.left[i] - k)
-        add_rest(ground, stayed, came, rest, then, after[i], room.to[i], left, room.more)
-    upper = most(room.child, room.more)
-    if hopeless(upper, values[first], room.best[0], slack):
-        return
-    guide = value + (1 - value) * min(1.0, room.lean[0] * room.more[-1])
-    if beam.size[then] == beam.guide.shape[1] and guide <= beam.guide[then, beam.heap[then, 0]]:
-        lost[first] = max(lost[first], upper)
-        return
+    """Find a slot for what follows a node by joint choice n, in step `then`."""
+    places = beam.places[step, slot]
     key = beam.history[step, slot]
-    for _ in range(k - 1):
+    for _ in range(then - step - 1):
         key = mixed(key + mixed_places(places))
-    key = mixed(key + mixed_places(after))
+    key = mixed(key + mixed_places(room.places))
     history, members = key, 0
     for i in range(len(places)):
-        left = max(0, room.left[i] - k)
-        members += mixed(after[i] + mixed((room.to[i] if left > 0 else -1) + mixed(left)))
+        left = room.left[n, i] - (then - step)
+        state = mixed(room.to[n, i] + mixed(left)) if left > 0 else 0
+        members += mixed(room.places[i] + state)
     new = offer(beam, then, guide, upper, mixed(key + mixed(members + mixed(first))), first, lost)
     if new >= 0:
         beam.before[then, new], beam.of[then, new], beam.history[then, new] = step, slot, history
         for j in range(len(room.child)):
             beam.c[then, new, j] = room.child[j]
         for i in range(len(places)):
-            beam.places[then, new, i] = after[i]
-            beam.left[then, new, i] = max(0, room.left[i] - k)
-            beam.to[then, new, i] = room.to[i] if room.left[i] > k else -1
+            left = room.left[n, i] - (then - step)
+            beam.places[then, new, i] = room.places[i]
+            beam.left[then, new, i] = max(0, left)
+            beam.to[then, new, i] = room.to[n, i] if left > 0 else -1
+
+
+@compiled
+def follow(
+    ground: Ground,
+    stayed: Floats,
+    rest: Floats,
+    beam: Beam,
+    room: Room,
+    step: int,
+    slot: int,
+    count: int,
+    found: int,
+    known: int,
+    miss: float,
+    slack: float,
+    values: Floats,
+    lost: Floats,
+) -> int:
+    """Values and bounds of what follows a node by the choices in `room.chosen`; returns what `watch` does.
+
+    The next node is where the first of those on the way arrives. `found`: how many choices came before.
+    """
+    horizon, members = stayed.shape[1] - 1, len(room.places)
+    for n in range(count):
+        first = found + n if step == 0 else beam.first[step, slot]
+        k = horizon - step + 1
+        for i in range(members):
+            k = min(k, room.left[n, i] if room.left[n, i] > 0 else k)
+        then = min(step + k, horizon)
+        known = watch(ground, room, beam.places[step, slot], known, then - step, miss)
+        if step + k > horizon:
+            values[first] = max(values[first], either(room.c[horizon - step]))
+            room.best[0] = max(room.best[0], values[first])
+            continue
+        room.marks[-1] += 1
+        for j in range(len(room.child)):
+            room.child[j] = room.c[k - 1, j]
+        for row in range(len(room.more)):
+            room.more[row] = 0.0
+        for i in range(members):
+            at, left = beam.places[step, slot, i], room.left[n, i]
+            now = room.to[n, i] if left == k else at
+            room.places[i] = now
+            for m in range(ground.near_start[now], ground.near_start[now + 1]):
+                p = ground.near_at[m]
+                if room.marks[p] != room.marks[-1]:
+                    room.marks[p] = room.marks[-1]
+                    for j in range(len(room.child)):
+                        room.child[j] += (1 - miss) * room.mass[k, j, p]
+            for row in range(len(room.more)):
+                if left > k:
+                    room.more[row] += room.ahead[row, i, room.chosen[n, i] + 1] - stayed[row, then, at]
+                else:
+                    room.more[row] += rest[row, then, now]
+        value, upper = either(room.child), most(room.child, room.more)
+        values[first] = max(values[first], value)
+        room.best[0] = max(room.best[0], value)
+        if then == horizon or hopeless(upper, values[first], room.best[0], slack):
+            continue
+        guide = value + (1 - value) * min(1.0, room.lean[0] * room.more[-1])
+        if beam.size[then] == beam.guide.shape[1] and guide <= beam.guide[then, beam.heap[then, 0]]:
+            lost[first] = max(lost[first], upper)
+        else:
+            keep(beam, room, step, slot, then, n, first, guide, upper, lost)
+    return known
 
 
 @compiled
@@ -832,37 +832,28 @@ def expand(
     lost: Floats,
 ) -> None:
     """All joint decisions at a node. At the root, step 0, each is a first decision of its own."""
-    places, targets, remaining = beam.places[step, slot], beam.to[step, slot], beam.left[step, slot]
-    over = stayed.shape[1] - 1 - step
+    places, to, left = beam.places[step, slot], beam.to[step, slot], beam.left[step, slot]
     for i in range(len(places)):
         room.choice[i] = -1
-        room.free[i] = remaining[i] == 0
     for i in range(room.q.shape[1]):
         room.q[0, i] = beam.q[step, slot, i]
     for j in range(len(room.child)):
         room.c[0, j] = beam.c[step, slot, j]
-    known, found, changed = 0, 0, 0
-    while next_safe(
-        ground.start, ground.head, ground.steps, ground.heard, places, targets, remaining, room.free, True,
-        changed, room.choice, room.to, room.left, room.at, room.part,
-    ):  # fmt: skip
-        first = found if step == 0 else beam.first[step, slot]
-        found, changed, k = found + 1, -1, over + 1
-        for i in range(len(places)):
-            if room.left[i] > 0:
-                k = min(k, room.left[i])
-        watch(ground, room, places, known, min(k, over), miss)
-        known = max(known, min(k, over))
-        if k > over:
-            values[first] = max(values[first], either(room.c[over]))
-            room.best[0] = max(room.best[0], values[first])
-        else:
-            follow(ground, stayed, came, rest, beam, room, step, slot, k, first, miss, slack, values, lost)
-    if found == 0:  # nothing is safe but to stay
-        first = 0 if step == 0 else beam.first[step, slot]
-        watch(ground, room, places, known, over, miss)
-        values[first] = max(values[first], either(room.c[over]))
-        room.best[0] = max(room.best[0], values[first])
+    look_ahead(ground, stayed, came, rest, beam, room, step, slot)
+    known, found, count = 0, 0, len(room.chosen)
+    while count == len(room.chosen):
+        count = gather(
+            ground.start, ground.head, ground.steps, ground.heard, places, to, left, True,
+            0 if found == 0 else -1, room.choice, room.at, room.part, room.chosen, room.to, room.left,
+        )  # fmt: skip
+        if count == 0 and found == 0:  # nothing is safe but to stay
+            count = 1
+            for i in range(len(places)):
+                room.left[0, i] = 0
+        known = follow(
+            ground, stayed, rest, beam, room, step, slot, count, found, known, miss, slack, values, lost
+        )
+        found += count
 
 
 @compiled

@@ -13,6 +13,9 @@ import numpy as np
 
 from agent.behaviours.reconnection.model import Bools, Floats, Ints, Model, Ways
 
+CHUNK = 256
+"""How many joint choices are looked at together."""
+
 
 class Ground(NamedTuple):
     """Ways, hearing and the joined models of T targets; made by `ground_of`, kept by who plans often.
@@ -106,14 +109,16 @@ class Room(NamedTuple):
     """(T,)."""
     more: Floats
     """(rows,)."""
-    choice: Ints
+    ahead: Floats
+    """(rows, m, most ways + 1)."""
+    chosen: Ints
     to: Ints
     left: Ints
+    """(CHUNK, m): joint choices."""
+    choice: Ints
     places: Ints
     at: Ints
     part: Ints
-    """(m,)."""
-    free: Bools
     """(m,)."""
     best: Floats
     """(1,): value of the best plan so far."""
@@ -143,24 +148,26 @@ def room_of(ground: Ground, members: int, horizon: int, rows: int, lean: float) 
     """Room to work in."""
     targets, vertices = len(ground.ends) - 1, len(ground.start) - 1
     waste, child = np.zeros((2, targets))
-    choice, to, left, places, at, part = np.zeros((6, members), dtype=np.int64)
+    chosen, to, left = np.zeros((3, CHUNK, members), dtype=np.int64)
+    choice, places, at, part = np.zeros((4, members), dtype=np.int64)
     return Room(
-        np.empty((2, int(ground.ends[-1]))),
-        np.zeros((horizon + 1, targets)),
-        np.zeros((horizon + 1, targets, vertices)),
-        np.zeros(vertices + 1, dtype=np.int64),
-        waste,
-        child,
-        np.zeros(rows),
-        choice,
-        to,
-        left,
-        places,
-        at,
-        part,
-        np.zeros(members, dtype=np.bool_),
-        np.full(1, -1.0),
-        np.full(1, lean),
+        q=np.empty((2, int(ground.ends[-1]))),
+        c=np.zeros((horizon + 1, targets)),
+        mass=np.zeros((horizon + 1, targets, vertices)),
+        marks=np.zeros(vertices + 1, dtype=np.int64),
+        waste=waste,
+        child=child,
+        more=np.zeros(rows),
+        ahead=np.zeros((rows, members, int(np.diff(ground.start).max()) + 1)),
+        chosen=chosen,
+        to=to,
+        left=left,
+        choice=choice,
+        places=places,
+        at=at,
+        part=part,
+        best=np.full(1, -1.0),
+        lean=np.full(1, lean),
     )
 
 

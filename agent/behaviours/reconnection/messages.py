@@ -1,0 +1,133 @@
+"""What searching robots tell each other by radio, as msgpack arrays.
+
+Within each step of the team's common time, messages are flooded: whoever hears something for the first time
+passes it on at once, so that it reaches everybody in the network. `Presences` first; where groups have met, what
+each of them knows (`Piece`, of `Facts`); and what the planner of a group has decided (`Decision`).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+import msgspec
+from msgspec import Meta, Struct, msgpack
+
+from agent.behaviours.reconnection.team import Motion
+from channels.graphs import MOST_VERTICES
+
+MOST_MEMBERS = 62
+"""Compiled code keeps sets of members in the bits of one number."""
+MOST_STEPS = 2**31 - 1
+
+Member: TypeAlias = Annotated[int, Meta(ge=0, lt=MOST_MEMBERS)]
+Vertex: TypeAlias = Annotated[int, Meta(ge=0, lt=MOST_VERTICES)]
+Towards: TypeAlias = Annotated[int, Meta(ge=-1, lt=MOST_VERTICES)]
+Count: TypeAlias = Annotated[int, Meta(ge=0, le=MOST_STEPS)]
+
+
+class Course(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """A `team.Motion` on its way."""
+
+    place: Vertex
+    towards: Towards
+    elapsed: Count
+    left: Count
+
+    def motion(self) -> Motion:
+        """As members compute with it."""
+        return Motion(self.place, self.towards, self.elapsed, self.left)
+
+
+class Presence(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """One robot, at one step."""
+
+    number: Member
+    course: Course
+    searching: bool
+    """Whether it has nothing else to do."""
+    former: Annotated[tuple[Member, ...], Meta(max_length=MOST_MEMBERS)]
+    """Whom it was connected to at the step before, itself included: those share what it knows."""
+    ages: Annotated[tuple[Count, ...], Meta(max_length=MOST_VERTICES)] = ()
+    """For "persistent": see `baselines.Visits.ages`."""
+
+
+class Presences(Struct, frozen=True, array_like=True, forbid_unknown_fields=True, tag="p"):
+    """Who is there."""
+
+    step: Count
+    robots: Annotated[list[Presence], Meta(max_length=MOST_MEMBERS)]
+
+
+class Piece(Struct, frozen=True, array_like=True, forbid_unknown_fields=True, tag="k"):
+    """A piece of what a group knows, told by its lowest number: `pieces`, of `Facts`."""
+
+    step: Count
+    teller: Member
+    piece: bytes
+
+
+class Decision(Struct, frozen=True, array_like=True, forbid_unknown_fields=True, tag="d"):
+    """What a group does from now on, as decided by its lowest number."""
+
+    step: Count
+    planner: Member
+    courses: Annotated[dict[Member, Course], Meta(max_length=MOST_MEMBERS)]
+
+
+class Fact(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """What a group believes of one robot."""
+
+    robot: Member
+    since: Count
+    """Steps since the last contact."""
+    belief: bytes
+    """As of `wire.encode` or `wire.exact`."""
+
+
+class Facts(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """What a group knows of all that are absent, after this step's observation."""
+
+    absent: Annotated[list[Fact], Meta(max_length=MOST_MEMBERS)]
+
+
+Message: TypeAlias = Presences | Piece | Decision
+
+encode = msgpack.Encoder().encode
+_messages = msgpack.Decoder(Presences | Piece | Decision)
+_facts = msgpack.Decoder(Facts)
+
+
+class MessageError(ValueError):
+    """What nobody of the team can have sent."""
+
+
+def decode(raw: bytes, members: int, vertices: int) -> Message:
+    """A message of a team of so many, on a graph of so many vertices. Raises MessageError."""
+    try:
+        message: Message = _messages.decode(raw)
+    except msgspec.MsgspecError as error:
+        raise MessageError(str(error)) from None
+    if isinstance(message, Presences):
+        numbers = [number for each in message.robots for number in (each.number, *each.former)]
+        courses = [each.course for each in message.robots]
+    elif isinstance(message, Piece):
+        numbers, courses = [message.teller], []
+    else:
+        numbers, courses = [message.planner, *message.courses], list(message.courses.values())
+    if any(number >= members for number in numbers):
+        raise MessageError(f"names robot {max(numbers)} of a team of {members}")
+    for course in courses:
+        if max(course.place, course.towards) >= vertices:
+            raise MessageError(f"names vertex {max(course.place, course.towards)} of {vertices}")
+        if (course.towards >= 0) != (course.left > 0):
+            raise MessageError("has a robot that is on the way to nowhere, or has no way left")
+    return message
+
+
+def decode_facts(raw: bytes) -> Facts:
+    """What a group knows. Raises MessageError."""
+    try:
+        facts: Facts = _facts.decode(raw)
+    except msgspec.MsgspecError as error:
+        raise MessageError(str(error)) from None
+    return facts

@@ -1,0 +1,354 @@
+"""Robots that search for each other until all are one network (Vandermeulen et al.).
+
+Time goes in steps of `step_s`, common to all. At the beginning of each, robots tell that they are there, and
+thereby find out with whom they are connected (first phase); groups that have met tell each other what they
+know (second phase); the lowest number of each group plans for it, and tells the others (third phase). Which
+of these phases there are depends on what was heard. Then those at a vertex leave it, so as to arrive at the
+neighbouring one shortly before the step at which they are expected there.
+
+When the planner of a group dies, the next lowest number does its work, from the next step on. A member that
+does not hear what was decided stays; at the next step the planner sees it, and turns back whom the team
+would lose.
+
+The world needs `graph` and `motion.kind = "commanded"`, fast enough for the ways. Params, steps and
+probabilities as in `methods.Rules` and `member`: `method` ("semi-markov"); `travel_steps` (2.0) [1/m], steps
+per metre of way; `random_steps` (50); `horizon` (12); `deterministic` (false); `memory` (10); `targets`
+("all" or "upwards"); `holding` ("uniform" or "normal"); `miss` (0.0); `tasks` (0) and `task_steps` (10), the
+longest; `half_steps` (0: others are cooperative); `exchange` ("exact" or "quantised", see `wire`);
+`step_s` (1.0), `phase_s` (0.1); `repeats` (1), how often all is told in each phase; `patience` (0), for how
+many steps a member that is not heard counts as being there; `log_beliefs_steps` (10; 0: never).
+
+Logs at every step `reconnection`: `step`, `place`, `towards` (-1: nowhere), `network` (numbers), `searching`,
+and `whole`: all are one network, and search. Planners log `plan`: see `methods.Plan`; whoever merges
+beliefs `merge`; the lowest number of a network `belief`: of each robot that is absent, its likely places.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from agent.behaviours.reconnection import belief as beliefs
+from agent.behaviours.reconnection.belief import Outcome
+from agent.behaviours.reconnection.exchange import Exchange
+from agent.behaviours.reconnection.knowledge import Expectation, Knowledge, heard_by, merged
+from agent.behaviours.reconnection.member import Member, drawn_tasks
+from agent.behaviours.reconnection.messages import (
+    MOST_MEMBERS,
+    Course,
+    Decision,
+    Fact,
+    Facts,
+    MessageError,
+    Presence,
+    decode_facts,
+    encode,
+)
+from agent.behaviours.reconnection.methods import METHODS, Plan, Planner, Rules
+from agent.behaviours.reconnection.model import HOLDINGS, Model, walk_model, ways_of
+from agent.behaviours.reconnection.team import Motion, everybody, moved, networks, targets_of, upwards
+from agent.behaviours.reconnection.wire import WireError
+from agent.behaviours.reconnection.wire import decode as decode_belief
+from agent.behaviours.reconnection.wire import encode as encode_belief
+from agent.behaviours.reconnection.wire import exact as encode_exactly
+from agent.parameters import (
+    ParameterError,
+    choice,
+    flag,
+    not_negative,
+    positive,
+    probability,
+    whole_number,
+)
+from agent.robot import Robot, Step
+from channels.graphs import Graph, hearing, starts, vertices_at
+from channels.randomness import Draws
+from channels.units import to_ns
+
+TARGETS = {"all": everybody, "upwards": upwards}
+EXCHANGES = ("exact", "quantised")
+
+ARRIVE_EARLY = 0.05
+"""Which share of a step before the step's beginning a robot arrives: rounding must not make it late."""
+
+
+async def reconnect(robot: Robot) -> None:
+    """Wander, work, and search."""
+    search = Reconnection(robot)
+    try:
+        async for step in robot.steps(search.step_s):
+            await search.take(step)
+    finally:
+        robot.body.stop()
+
+
+class Reconnection:
+    """The search of one robot. Raises ParameterError for params that make no sense."""
+
+    def __init__(self, robot: Robot) -> None:
+        params = robot.params
+        self._robot = robot
+        self._graph = graph = _graph_of(robot)
+        self.step_s = positive(params, "step_s", 1.0)
+        self._phase_ns = _phase_ns(robot, self.step_s)
+        self._ways, self._hearing = ways_of(graph, positive(params, "travel_steps", 2.0)), hearing(graph)
+        self._rules = _rules(robot)
+        self._believes = self._rules.method == "semi-markov"
+        self._expected = self._expectation()
+        self._planner = Planner(self._ways, self._hearing, self._expected, self._rules)
+        self._targets = TARGETS[choice(params, "targets", tuple(TARGETS), "all")](robot.team_size)
+        self._member = self._new_member()
+        self._exact = choice(params, "exchange", EXCHANGES, "exact") == "exact"
+        self._patience = whole_number(params, "patience", 0, least=0)
+        self._log_every = whole_number(params, "log_beliefs_steps", 10, least=0)
+        self._exchange = Exchange(robot, len(graph.vertices), whole_number(params, "repeats", 1))
+        at = starts(graph, robot.team_size)
+        self._known = Knowledge({number: Motion(vertex) for number, vertex in enumerate(at)})
+        self._network: dict[int, Presence] = {}
+        self._missing: dict[int, int] = {}
+        self._group: tuple[int, ...] = ()
+        self._step = -1
+
+    def _new_member(self) -> Member:
+        robot, params = self._robot, self._robot.params
+        draws = Draws.of_key(int(robot.rng.integers(2**63)))
+        count = whole_number(params, "tasks", 0, least=0)
+        longest = whole_number(params, "task_steps", 10)
+        tasks = drawn_tasks(draws, len(self._graph.vertices), count, longest)
+        random_steps = whole_number(params, "random_steps", 50, least=0)
+        return Member(self._ways, _start_of(robot, self._graph), draws, random_steps, tasks)
+
+    def _expectation(self) -> Expectation:
+        params = self._robot.params
+        holding = choice(params, "holding", HOLDINGS, "uniform")
+        cooperative = walk_model(self._graph, self._ways, holding=holding)
+        half = not_negative(params, "half_steps", 0.0)
+        if half == 0:
+            return Expectation(cooperative)
+        longest = whole_number(params, "task_steps", 10)
+        dwell = dict.fromkeys(range(len(self._graph.vertices)), [1.0 / longest] * longest)
+        return Expectation(
+            cooperative, walk_model(self._graph, self._ways, holding=holding, dwell=dwell), half
+        )
+
+    async def take(self, step: Step) -> None:
+        """One step."""
+        for _ in range(step.index - max(self._step, 0)):
+            self._member.advance()
+        first, self._step = self._step < 0, step.index
+        before = self._member.motion
+        self._exchange.begin(step.index)
+        self._exchange.tell_presence(self._presence())
+        await self._exchange.listen(step.start_ns + self._phase_ns)
+        former = self._network
+        self._network = self._connected()
+        if self._believes and not first:
+            await self._learn(step)
+        self._log_beliefs()
+        self._member.mind_own_business(step.index)
+        await self._decide(step)
+        self._drive(before, step)
+        self._log_step(len(former))
+
+    def _presence(self) -> Presence:
+        robot, member = self._robot, self._member
+        searching = member.searching(self._step)
+        persistent = self._rules.method == "persistent" and searching
+        ages = member.ages(self._rules.memory) if persistent else ()
+        former = tuple(sorted(self._network)) or (robot.number,)
+        return Presence(robot.number, Course(*member.motion), searching, former, ages)
+
+    def _connected(self) -> dict[int, Presence]:
+        """Who is there: those heard, and those given the benefit of the doubt."""
+        heard = self._exchange.presences
+        missing = {}
+        for number, presence in self._network.items():
+            count = self._missing.get(number, 0) + 1
+            if number not in heard and count <= self._patience:
+                course = Course(*moved(presence.course.motion()))
+                heard[number] = Presence(number, course, presence.searching, presence.former)
+                missing[number] = count
+        self._missing = missing
+        return {number: heard[number] for number in sorted(heard)}
+
+    def _motions(self) -> dict[int, Motion]:
+        return {number: presence.course.motion() for number, presence in self._network.items()}
+
+    async def _learn(self, step: Step) -> None:
+        """Observe, and merge with what others know that have been met."""
+        connected = self._motions()
+        absent = [number for number in range(self._robot.team_size) if number not in connected]
+        heard = heard_by(self._hearing, connected.values())
+        own, outcomes = self._known.ticked(self._expected, self._ways, absent, heard, self._rules.miss)
+        factors = [own]
+        tellers = self._tellers()
+        if len(tellers) > 1:
+            if self._robot.number in tellers:
+                self._exchange.tell_facts(self._encoded(own))
+            await self._exchange.listen(step.start_ns + 2 * self._phase_ns)
+            factors = [told for teller in tellers if (told := self._told(teller, absent)) is not None]
+        self._known, disjoint = merged(factors or [own], connected)
+        if len(tellers) > 1:
+            self._log_merge(tellers, len(factors), [*outcomes.values(), *disjoint.values()])
+
+    def _tellers(self) -> list[int]:
+        """The lowest number of each group that was connected before and is here now."""
+        lowest: dict[tuple[int, ...], int] = {}
+        for number, presence in self._network.items():
+            if number not in self._missing:
+                lowest.setdefault(presence.former, number)
+        return list(lowest.values())
+
+    def _encoded(self, known: Knowledge) -> bytes:
+        put = encode_exactly if self._exact else encode_belief
+        facts = [Fact(robot, known.since[robot], put(belief)) for robot, belief in known.believed.items()]
+        return encode(Facts(facts))
+
+    def _told(self, teller: int, absent: list[int]) -> Knowledge | None:
+        """What a group knows, as everybody decodes it; None where it was not heard, or makes no sense."""
+        raw = self._exchange.facts(teller)
+        if raw is None:
+            return None
+        states = self._expected.model.states
+        try:
+            facts = decode_facts(raw).absent
+            believed = {fact.robot: decode_belief(states, fact.belief) for fact in facts}
+        except (MessageError, WireError) as error:
+            self._robot.log("refused message", {"from": teller, "why": str(error)})
+            return None
+        if list(believed) != absent:
+            self._robot.log("refused message", {"from": teller, "why": "tells of others than are absent"})
+            return None
+        return Knowledge({}, believed, {fact.robot: fact.since for fact in facts})
+
+    async def _decide(self, step: Step) -> None:
+        """Do what the group decides; its lowest number decides for it."""
+        number, member = self._robot.number, self._member
+        if not member.searching(step.index):
+            self._group = ()
+            return
+        places = {robot: each.course.place for robot, each in self._network.items() if each.searching}
+        group = next(group for group in networks(places, self._hearing) if number in group)
+        changed, self._group = group != self._group, group
+        present = [robot for robot in group if robot not in self._missing]
+        if present[0] == number:
+            plan = self._planned(step.index, group, changed)
+            member.motion = plan.motions[number]
+            if len(group) == 1:
+                return
+            courses = {robot: Course(*motion) for robot, motion in plan.motions.items()}
+            self._exchange.tell_decision(Decision(step.index, number, courses))
+        await self._exchange.listen(step.start_ns + 3 * self._phase_ns)
+        decision = self._exchange.decisions.get(present[0])
+        if decision is not None and number in decision.courses:
+            member.motion = decision.courses[number].motion()
+
+    def _planned(self, step: int, group: tuple[int, ...], changed: bool) -> Plan:
+        motions = self._motions()
+        plan = self._planner.decided(
+            {robot: motions[robot] for robot in group},
+            targets_of(group, self._network, self._targets),
+            self._known,
+            {robot: self._network[robot].ages for robot in group},
+            self._member.drawn(step),
+            changed,
+        )
+        if plan.contact is not None or plan.turned:
+            entry = {
+                "step": step,
+                "group": group,
+                "contact": plan.contact,
+                "proven": plan.proven,
+                "nodes": plan.nodes,
+                "turned": plan.turned,
+            }
+            self._robot.log("plan", entry)
+        return plan
+
+    def _drive(self, before: Motion, step: Step) -> None:
+        """Set out, or turn round, so as to be there in time."""
+        motion = self._member.motion
+        if motion == before or motion.free:
+            return
+        x_m, y_m = self._graph.vertices[motion.towards]
+        pose = self._robot.body.pose
+        arrival_s = (step.index + motion.left - ARRIVE_EARLY) * self.step_s
+        way_m = ((x_m - pose.x_m) ** 2 + (y_m - pose.y_m) ** 2) ** 0.5
+        self._robot.body.go_to(x_m, y_m, way_m / (arrival_s - self._robot.now_s))
+
+    def _log_step(self, former: int) -> None:
+        motion = self._member.motion
+        network = tuple(self._network)
+        whole = len(network) == self._robot.team_size and all(
+            presence.searching for presence in self._network.values()
+        )
+        entry: dict[str, Any] = {
+            "step": self._step,
+            "place": motion.place,
+            "towards": motion.towards,
+            "network": network,
+            "searching": self._member.searching(self._step),
+            "whole": whole,
+        }
+        self._robot.log("reconnection", entry)
+
+    def _log_merge(self, tellers: list[int], heard: int, outcomes: list[Outcome]) -> None:
+        wrong = [outcome.name for outcome in outcomes if outcome is not Outcome.usual]
+        self._robot.log("merge", {"step": self._step, "of": tellers, "heard": heard, "wrong": wrong})
+
+    def _log_beliefs(self) -> None:
+        due = self._believes and self._log_every > 0 and self._step % self._log_every == 0
+        if not due or min(self._network) != self._robot.number:
+            return
+        model: Model = self._expected.model
+        for robot, belief in self._known.believed.items():
+            mass = beliefs.by_place(model, belief)
+            places = [[int(place), float(f"{mass[place]:.6g}")] for place in mass.nonzero()[0]]
+            self._robot.log("belief", {"step": self._step, "of": robot, "places": places})
+
+
+def _graph_of(robot: Robot) -> Graph:
+    if robot.graph is None:
+        raise ParameterError("world.graph: is missing; robots search on the vertices of a graph")
+    if robot.team_size > MOST_MEMBERS:
+        raise ParameterError(f"robots: {robot.team_size} are too many to search; set {MOST_MEMBERS} or less")
+    return robot.graph
+
+
+def _start_of(robot: Robot, graph: Graph) -> int:
+    pose = robot.body.pose
+    vertex = int(vertices_at(graph.vertices, np.array([[pose.x_m, pose.y_m]]))[0])
+    if vertex != starts(graph, robot.team_size)[robot.number]:
+        raise ParameterError(
+            f"world.placement: {robot.id} does not start where the graph has it; "
+            'set world.placement = "graph", and no position_m of its own'
+        )
+    return vertex
+
+
+def _phase_ns(robot: Robot, step_s: float) -> int:
+    phase_s = positive(robot.params, "phase_s", step_s / 10)
+    if 3 * phase_s > step_s / 2:
+        raise ParameterError(
+            f"params.phase_s: three phases of {phase_s:g} s take more than half of a step of {step_s:g} s; "
+            f"set {step_s / 6:g} or less"
+        )
+    return to_ns(phase_s)
+
+
+def _rules(robot: Robot) -> Rules:
+    params = robot.params
+    method = choice(params, "method", METHODS, "semi-markov")
+    miss = probability(params, "miss", 0.0)
+    if miss == 1:
+        raise ParameterError(
+            "params.miss: silence that proves nothing leaves nothing to plan; set less than 1"
+        )
+    return Rules(
+        method=next(each for each in METHODS if each == method),
+        horizon=whole_number(params, "horizon", 12),
+        deterministic=flag(params, "deterministic", False),
+        memory=whole_number(params, "memory", 10),
+        miss=miss,
+    )

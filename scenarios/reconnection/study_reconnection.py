@@ -1,0 +1,298 @@
+"""How long a team takes to find itself again: many searches (Vandermeulen et al., sec. V, Fig. 3, Table I)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from agent.behaviours.reconnection.environments import KINDS, environment
+from agent.behaviours.reconnection.graph_file import read_graph
+from agent.behaviours.reconnection.knowledge import Expectation
+from agent.behaviours.reconnection.member import Member, drawn_tasks
+from agent.behaviours.reconnection.methods import Method, Rules
+from agent.behaviours.reconnection.model import Ways, walk_model, ways_of
+from agent.behaviours.reconnection.planner import BUDGET, WIDTH
+from agent.behaviours.reconnection.team import everybody, upwards
+from channels.graphs import Graph, hearing
+from channels.graphs import starts as starts_of
+from channels.randomness import Draws
+from emulator.assemble import rng_seeds
+from emulator.scenario import numbered_ids
+from scenarios.reconnection.simulation import Course, Loss, Search
+from scenarios.study import Study, described, mean_and_error, one_each
+
+Kind = Literal["gridholes", "gabriel", "delaunay", "delaunay-thinned", "maze"]
+"""`environments.KINDS`."""
+Steps = Annotated[int, Meta(ge=0, le=1_000_000)]
+
+TARGETS: dict[str, Callable[[int], tuple[tuple[int, ...], ...]]] = {"all": everybody, "upwards": upwards}
+
+MOST_VERTICES = 1000
+"""The communication graph is a matrix, and beliefs have a number for each way and step."""
+
+
+class ReconnectionParameters(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A team, its environment and its search. The paper tells robots, vertices, random_steps and horizon."""
+
+    robots: Annotated[int, Meta(ge=2, le=8, description="robots, n")] = 3
+    method: Annotated[Method, Meta(description="how they search: semi-markov, persistent or random")] = (
+        "semi-markov"
+    )
+    environment: Annotated[
+        Kind, Meta(description="kind of environment, a new one for each run: " + ", ".join(KINDS))
+    ] = "gridholes"
+    vertices: Annotated[int, Meta(ge=2, le=MOST_VERTICES, description="vertices of the environment, n_e")] = (
+        150
+    )
+    graph: Annotated[str | None, Meta(description="file of a graph, in place of drawn environments")] = None
+    starts: Annotated[
+        str | None, Meta(description="where robots start, as 0,5; else in corners and the centre")
+    ] = None
+    travel_steps: Annotated[
+        float, Meta(gt=0, le=100, description="steps that a robot is on the way per unit of length")
+    ] = 2.0
+    random_steps: Annotated[Steps, Meta(description="steps for which all wander before they search")] = 50
+    horizon: Annotated[int, Meta(ge=1, le=100, description="steps planned ahead, T_p")] = 12
+    memory: Annotated[
+        int, Meta(ge=1, le=1_000_000, description="persistent: for how many moves a vertex is avoided")
+    ] = 10
+    deterministic: Annotated[
+        bool, Meta(description="semi-markov: always the best move, not one within 5 % of it")
+    ] = False
+    targets: Annotated[
+        Literal["all", "upwards"],
+        Meta(description="who searches for whom: all for all, or for those of higher numbers only"),
+    ] = "all"
+    miss: Annotated[
+        float,
+        Meta(ge=0, lt=1, description="semi-markov: probability that silence is believed to mean nothing"),
+    ] = 0.0
+    loss: Annotated[
+        float, Meta(ge=0, lt=1, description="probability per step that a new contact is missed")
+    ] = 0.0
+    limit: Annotated[
+        int, Meta(ge=1, le=10_000_000, description="steps of search after which a run is given up")
+    ] = 20_000
+    width: Annotated[
+        int, Meta(ge=1, le=100_000, description="joint states that a group's plan first keeps per step")
+    ] = WIDTH
+    budget: Annotated[
+        int, Meta(ge=0, le=100_000_000, description="joint states that a group's plan may go on from")
+    ] = BUDGET
+    tasks: Annotated[
+        int, Meta(ge=0, le=1000, description="tasks that each robot does before it searches")
+    ] = 0
+    task_steps: Annotated[int, Meta(ge=1, le=100_000, description="longest task [steps]")] = 10
+    half: Annotated[
+        float,
+        Meta(ge=0, le=1e9, description="steps without contact after which half believe that a robot has no "
+             "tasks left; 0: it never had any"),
+    ] = 0.0  # fmt: skip
+    holding: Annotated[
+        Literal["uniform", "normal"], Meta(description="believed distribution of steps on a way")
+    ] = "uniform"
+
+
+class Run(Struct, frozen=True):
+    """One run, and the seed that makes it what it is."""
+
+    seed: int
+    course: Course
+
+
+def check(parameters: ReconnectionParameters) -> None:
+    """Raises ValueError for parameters that do not go together, naming the key."""
+    vertices = parameters.vertices
+    if parameters.graph is not None:
+        graph = _read(parameters.graph)
+        vertices = len(graph.vertices)
+        if vertices > MOST_VERTICES:
+            raise ValueError(
+                f"graph: {parameters.graph} has {vertices} vertices; a study takes {MOST_VERTICES} or less"
+            )
+        if parameters.starts is None and graph.starts is not None and len(graph.starts) < parameters.robots:
+            raise ValueError(
+                f"graph: {parameters.graph} names {len(graph.starts)} starts for {parameters.robots} robots; "
+                "set starts, or less robots"
+            )
+    if parameters.robots > vertices:
+        raise ValueError(
+            f"robots: {parameters.robots} are more than there are vertices; set {vertices} or less"
+        )
+    _check_starts(parameters, vertices)
+
+
+def _check_starts(parameters: ReconnectionParameters, vertices: int) -> None:
+    if parameters.starts is None:
+        return
+    if not re.fullmatch(r"\s*\d{1,9}\s*(,\s*\d{1,9}\s*)*", parameters.starts, re.ASCII):
+        raise ValueError(f"starts: {parameters.starts} are no vertices; write their numbers as 0,5")
+    starts = _numbers(parameters.starts)
+    if len(starts) != parameters.robots:
+        raise ValueError(
+            f"starts: {parameters.starts} are {len(starts)} vertices for {parameters.robots} robots; name one each"
+        )
+    for start in starts:
+        if start >= vertices:
+            raise ValueError(f"starts: there is no vertex {start}; they are 0 to {vertices - 1}")
+
+
+def _read(path: str) -> Graph:
+    try:
+        return read_graph(path)
+    except ValueError as error:
+        raise ValueError(f"graph: {error}") from None
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    return tuple(map(int, text.split(",")))
+
+
+# --- one run -------------------------------------------------------------------------------------
+
+
+def simulate(parameters: ReconnectionParameters, generator: np.random.Generator, samples: int) -> list[Run]:
+    """So many runs."""
+    return [_run(parameters, int(generator.integers(2**31))) for _ in range(samples)]
+
+
+def _run(parameters: ReconnectionParameters, seed: int) -> Run:
+    search = search_of(parameters, seed)
+    return Run(seed, search.run(parameters.random_steps, parameters.limit))
+
+
+def graph_of(parameters: ReconnectionParameters, seed: int) -> Graph:
+    """The environment of the run of a seed, its starts those of the team."""
+    if parameters.graph is not None:
+        graph = _read(parameters.graph)
+    else:
+        graph = environment(parameters.environment, parameters.vertices, seed)
+    given = parameters.starts
+    starts = starts_of(graph, parameters.robots) if given is None else _numbers(given)
+    return Graph(graph.vertices, graph.edges, graph.links, starts, graph.obstacles)
+
+
+def search_of(parameters: ReconnectionParameters, seed: int, graph: Graph | None = None) -> Search:
+    """The search of a seed's run, about to begin; `graph` of `graph_of`, if it is known already."""
+    graph = graph_of(parameters, seed) if graph is None else graph
+    ways = ways_of(graph, parameters.travel_steps)
+    robots = parameters.robots
+    rules = Rules(
+        method=parameters.method,
+        horizon=parameters.horizon,
+        deterministic=parameters.deterministic,
+        memory=parameters.memory,
+        miss=parameters.miss,
+        width=parameters.width,
+        budget=parameters.budget,
+    )
+    return Search(
+        ways,
+        hearing(graph),
+        _expected(parameters, graph, ways),
+        rules,
+        _members(parameters, graph, ways, seed),
+        TARGETS[parameters.targets](robots),
+        Loss(parameters.loss, Draws(seed, "contacts")) if parameters.loss else None,
+    )
+
+
+def _members(parameters: ReconnectionParameters, graph: Graph, ways: Ways, seed: int) -> list[Member]:
+    """The team, each with the draws that a robot of the emulator makes of the same seed."""
+    assert graph.starts is not None
+    members = []
+    for start, own in zip(graph.starts, rng_seeds(seed, numbered_ids(parameters.robots)), strict=True):
+        draws = Draws.of_key(int(np.random.default_rng(own).integers(2**63)))
+        tasks = drawn_tasks(draws, len(graph.vertices), parameters.tasks, parameters.task_steps)
+        members.append(Member(ways, start, draws, parameters.random_steps, tasks))
+    return members
+
+
+def _expected(parameters: ReconnectionParameters, graph: Graph, ways: Ways) -> Expectation:
+    model = walk_model(graph, ways, holding=parameters.holding)
+    if not parameters.half:
+        return Expectation(model)
+    # Anything from one step to the longest task, everywhere.
+    dwell = np.full(parameters.task_steps, 1.0 / parameters.task_steps)
+    everywhere = dict.fromkeys(range(len(graph.vertices)), dwell)
+    neutral = walk_model(graph, ways, holding=parameters.holding, dwell=everywhere)
+    return Expectation(model, neutral, parameters.half)
+
+
+# --- many ----------------------------------------------------------------------------------------
+
+
+def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]]) -> dict[str, Any]:
+    """Steps from the end of the random phase until the team is one network.
+
+    - `steps`: `mean`, `sd`, `se` and `median` of them; `times`: each, in the order of the runs, and `seeds`:
+      what makes each run what it is, the same for all parameters: runs can be compared one by one;
+    - `censored`: how many never ended. They count with the limit among all of the above, which makes means
+      lower bounds; `stuck`: how many of these were proved never to end, and were not followed further;
+    - `moves` to another vertex, and how often a robot was `turned` back, by all robots of a run: `mean`, `se`;
+    - `plans`: those that groups of two or more made (`teams`), and how many were `proven` best; None but for
+      semi-markov;
+    - `beliefs`: how often one was `asked` where a robot was, and held the truth for impossible (`zero`); how
+      often an observation left no place but those not heard (`nothing_left`) or none at all
+      (`everything_heard`), and beliefs had nothing in common (`disjoint`); None but for semi-markov;
+    - `broken`: how often robots that searched as one network were not within one network a step later;
+    - `samples`.
+
+    `sd`, `se` are None for a single run.
+    """
+    runs = [run for partial in partials for run in partial]
+    courses = [run.course for run in runs]
+    times = [course.steps for course in courses]
+    mean, error = mean_and_error(times)
+    believes = parameters.method == "semi-markov"
+    return {
+        "steps": {
+            "mean": mean,
+            "sd": None if error is None else error * len(times) ** 0.5,
+            "se": error,
+            "median": float(np.median(times)),
+        },
+        "times": times,
+        "seeds": [run.seed for run in runs],
+        "censored": sum(not course.connected for course in courses),
+        "stuck": sum(course.stuck for course in courses),
+        "moves": described(course.moves for course in courses),
+        "turned": described(course.turned for course in courses),
+        "plans": _plans(courses) if believes else None,
+        "beliefs": _beliefs(courses) if believes else None,
+        "broken": sum(course.broken for course in courses),
+        "samples": len(runs),
+    }
+
+
+def _plans(courses: Sequence[Course]) -> dict[str, int]:
+    return {
+        "teams": sum(course.plans for course in courses),
+        "proven": sum(course.proven for course in courses),
+    }
+
+
+def _beliefs(courses: Sequence[Course]) -> dict[str, int]:
+    wrong = ("nothing_left", "everything_heard", "disjoint")
+    return {
+        "asked": sum(course.beliefs for course in courses),
+        "zero": sum(course.zero for course in courses),
+        **{name: sum(course.outcomes[name] for course in courses) for name in wrong},
+    }
+
+
+STUDY = Study(
+    name="reconnection",
+    title="Reconnection: steps until a team that has lost contact is one network again",
+    parameters=ReconnectionParameters,
+    samples=100,
+    unit="runs",
+    chunk=one_each,
+    simulate=simulate,
+    summarise=summarise,
+    check=check,
+)
