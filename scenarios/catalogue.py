@@ -27,12 +27,14 @@ STUDIES = {
     "propagation": "scenarios.dissemination.study_propagation:STUDY",
     "propagation-emulated": "scenarios.dissemination.emulated:PROPAGATION",
     "reconnection": "scenarios.reconnection.study_reconnection:STUDY",
+    "reconnection-emulated": "scenarios.reconnection.emulated:EMULATED",
     "reuse": "scenarios.dissemination.study_reuse:STUDY",
 }
 PAPERS = {
     "ivanov-shell-2014": "scenarios.association.paper_2014:PAPER",
     "ivanov-shell-2016": "scenarios.association.paper_2016:PAPER",
     "julian-2009": "scenarios.dissemination.paper_2009:PAPER",
+    "vandermeulen": "scenarios.reconnection.paper:PAPER",
 }
 
 

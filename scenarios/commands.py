@@ -39,7 +39,7 @@ def add_commands(commands: Commands) -> None:
 
     reproduce = add_command(commands, "reproduce", _reproduce, "draw the figures of a paper anew")
     reproduce.add_argument("name", nargs="?", metavar="PAPER", help="a paper; without one, lists them")
-    reproduce.add_argument("--figure", type=int, action="append", metavar="N",
+    reproduce.add_argument("--figure", type=_figure, action="append", metavar="N",
                            help="only this figure; may be given more than once")  # fmt: skip
     _add_work(reproduce)
     reproduce.add_argument("--out", type=Path, metavar="FOLDER", help="default: figures/PAPER")
@@ -121,8 +121,9 @@ def _reproduce(parsed: argparse.Namespace) -> int:
         for name in sorted(PAPERS):
             paper = find("paper", PAPERS, name)
             print(f"{name}: {paper.title}")
-            for number, figure in sorted(paper.figures.items()):
-                print(f"  --figure {number:<3} {figure.title}")
+            width = max(len(str(figure)) for figure in paper.figures)
+            for number, figure in paper.figures.items():
+                print(f"  --figure {number!s:{max(3, width)}} {figure.title}")
         return OK
     paper = find("paper", PAPERS, parsed.name)
     from scenarios.figures import Work, reproduce  # matplotlib is wanted here and nowhere else
@@ -173,6 +174,11 @@ def _count(most: int) -> Callable[[str], int]:
         return int(text)
 
     return count
+
+
+def _figure(text: str) -> int | str:
+    """A number or a name."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else text
 
 
 def _seed(text: str) -> int:

@@ -84,12 +84,17 @@ class Figure(Struct, frozen=True):
     draw: Callable[[Table, Canvas], None]
 
 
+Name = int | str
+"""A figure's number in the paper; or a name, where it has none of its own."""
+
+
 class Paper(Struct, frozen=True):
     """A paper and the figures of it that can be drawn."""
 
     name: str
     title: str
-    figures: dict[int, Figure]
+    figures: dict[Name, Figure]
+    """In the order in which they are drawn."""
 
 
 class Work:
@@ -130,7 +135,7 @@ class Work:
 
 def reproduce(
     paper: Paper,
-    numbers: Sequence[int] | None,
+    names: Sequence[Name] | None,
     folder: Path,
     work: Work,
     *,
@@ -142,16 +147,16 @@ def reproduce(
     `show`: a progress bar on the terminal. Raises UserError for a figure that the paper has not, or
     files that exist and are not to be overwritten.
     """
-    chosen = _chosen(paper, numbers)
+    chosen = _chosen(paper, names)
     _refuse_to_overwrite(folder, chosen, force)
-    runs = {number: paper.figures[number].runs() for number in chosen}
+    runs = {name: paper.figures[name].runs() for name in chosen}
     total = len({work.key(run) for listed in runs.values() for run in listed})
     files: list[Path] = []
     with work.workers, _progress(total, show) as bar:
-        for number in chosen:
-            results = [bar.watch(number, work, run) for run in runs[number]]
-            table = paper.figures[number].tabulate(results)
-            files += _write(paper, number, table, folder)
+        for name in chosen:
+            results = [bar.watch(name, work, run) for run in runs[name]]
+            table = paper.figures[name].tabulate(results)
+            files += _write(paper, name, table, folder)
     return files
 
 
@@ -164,21 +169,22 @@ def drawn(figure: Figure, table: Table) -> Canvas:
     return canvas
 
 
-def _chosen(paper: Paper, numbers: Sequence[int] | None) -> list[int]:
-    for number in numbers or ():
-        if number not in paper.figures:
-            known = ", ".join(map(str, sorted(paper.figures)))
-            raise UserError(f"--figure {number}: {paper.name} can be drawn in its figures {known}")
-    return sorted(set(numbers or paper.figures))
+def _chosen(paper: Paper, names: Sequence[Name] | None) -> list[Name]:
+    for name in names or ():
+        if name not in paper.figures:
+            known = ", ".join(map(str, paper.figures))
+            raise UserError(f"--figure {name}: {paper.name} can be drawn in its figures {known}")
+    return [name for name in paper.figures if not names or name in names]
 
 
-def _files(folder: Path, number: int) -> dict[str, Path]:
-    return {kind: folder / f"figure-{number:02d}.{kind}" for kind in ("png", "svg", "csv")}
+def _files(folder: Path, name: Name) -> dict[str, Path]:
+    stem = name if isinstance(name, str) else f"figure-{name:02d}"
+    return {kind: folder / f"{stem}.{kind}" for kind in ("png", "svg", "csv")}
 
 
-def _refuse_to_overwrite(folder: Path, numbers: Iterable[int], force: bool) -> None:
-    for number in numbers:
-        for path in _files(folder, number).values():
+def _refuse_to_overwrite(folder: Path, names: Iterable[Name], force: bool) -> None:
+    for name in names:
+        for path in _files(folder, name).values():
             if path.is_dir():
                 raise UserError(f"{path} is a folder; choose another --out")
             if path.exists() and not force:
@@ -193,10 +199,11 @@ def _refuse_to_overwrite(folder: Path, numbers: Iterable[int], force: bool) -> N
         raise UserError(f"--out {folder}: cannot be written to; choose another folder")
 
 
-def _write(paper: Paper, number: int, table: Table, folder: Path) -> list[Path]:
-    figure = paper.figures[number]
-    title = f"{paper.title}, Fig. {number}: {figure.title}"
-    files = _files(folder, number)
+def _write(paper: Paper, name: Name, table: Table, folder: Path) -> list[Path]:
+    figure = paper.figures[name]
+    place = name if isinstance(name, str) else f"Fig. {name}"
+    title = f"{paper.title}, {place}: {figure.title}"
+    files = _files(folder, name)
     # Everything is made before anything is written: a figure is there whole or not at all.
     contents = {"csv": _csv(table), **_pictures(figure, table, title)}
     for kind, path in files.items():
@@ -231,8 +238,8 @@ class _Bar:
         self._bar = bar
         self._finished: set[bytes] = set()
 
-    def watch(self, number: int, work: Work, run: Run) -> dict[str, Any]:
-        self._bar.set_postfix_str(f"figure {number}", refresh=False)
+    def watch(self, name: Name, work: Work, run: Run) -> dict[str, Any]:
+        self._bar.set_postfix_str(f"figure {name}", refresh=False)
         done = len(self._finished)
         result = work.result(run, lambda part: self._set(done + part))
         self._finished.add(work.key(run))

@@ -53,6 +53,8 @@ class Study(Struct, frozen=True):
     """Raises ValueError, "key: what is wrong and what helps", for parameters that do not go together."""
     max_jobs: int | None = None
     """1: chunks keep all processors busy by themselves."""
+    chance: str | None = None
+    """Another study's name, to draw what that draws: samples can then be compared one by one."""
 
 
 def run_study(
@@ -172,7 +174,7 @@ Task = tuple[Study, Struct, int, int, int]
 
 def _simulate(task: Task) -> Partial:
     study, parameters, seed, number, size = task
-    return study.simulate(parameters, generator(study.name, seed, number), size)
+    return study.simulate(parameters, generator(study.chance or study.name, seed, number), size)
 
 
 def _in_order(pool: ProcessPoolExecutor, tasks: Iterable[Task], ahead: int) -> Iterator[Partial]:

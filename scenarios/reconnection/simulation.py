@@ -26,7 +26,7 @@ class Course(Struct, frozen=True):
     """How one search went. Steps count from the end of the random phase."""
 
     steps: int
-    """When the team was one network, or the limit."""
+    """When the team was one network; the limit if it was not before that."""
     connected: bool
     """Whether it ever was."""
     stuck: bool
@@ -89,6 +89,7 @@ class Search:
         everybody = {robot: member.motion for robot, member in enumerate(members)}
         self.known = [Knowledge(everybody)] * len(members)
         self._places: list[int] = []
+        self._decided_in: list[tuple[int, ...]] = []
         self._subgroups: list[tuple[int, ...]] = []
 
     @property
@@ -105,11 +106,11 @@ class Search:
                 watch(step, self)
             searched = step - random_steps
             ready = searched >= 0 and all(member.searching(step) for member in self.members)
-            done = ready and len(self.groups) == 1
+            done = ready and searched < limit and len(self.groups) == 1
             stuck = not done and ready and seen is not None and seen.again(self._state())
             if done or stuck or searched >= limit:
                 return self._course(searched if done else limit, done, stuck)
-            self._decide(step)
+            self._decide(step, random_steps)
             for member in self.members:
                 place = member.motion.place
                 member.advance()
@@ -171,8 +172,12 @@ class Search:
         for outcome in outcomes.values():
             self._outcomes[outcome] += 1
 
-    def _decide(self, step: int) -> None:
+    def _decide(self, step: int, random_steps: int) -> None:
         members, before, now = self.members, self._subgroups, []
+        same = self.groups == self._decided_in and step != random_steps
+        if same and not any(member.motion.free for member in members):
+            return  # everybody does what is decided, and nobody begins to search
+        self._decided_in = self.groups
         for member in members:
             member.mind_own_business(step)
         for group in self.groups:

@@ -1,4 +1,4 @@
-"""How long a team takes to find itself again: many searches (Vandermeulen et al., sec. V, Fig. 3, Table I)."""
+"""How long teams take to find themselves again: many searches (Vandermeulen et al., sec. V, Fig. 3)."""
 
 from __future__ import annotations
 
@@ -134,7 +134,8 @@ def _check_starts(parameters: ReconnectionParameters, vertices: int) -> None:
     starts = _numbers(parameters.starts)
     if len(starts) != parameters.robots:
         raise ValueError(
-            f"starts: {parameters.starts} are {len(starts)} vertices for {parameters.robots} robots; name one each"
+            f"starts: {parameters.starts} are {len(starts)} vertices for {parameters.robots} robots; "
+            "name one for each"
         )
     for start in starts:
         if start >= vertices:
@@ -231,9 +232,11 @@ def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]])
 
     - `steps`: `mean`, `sd`, `se` and `median` of them; `times`: each, in the order of the runs, and `seeds`:
       what makes each run what it is, the same for all parameters: runs can be compared one by one;
-    - `censored`: how many never ended. They count with the limit among all of the above, which makes means
-      lower bounds; `stuck`: how many of these were proved never to end, and were not followed further;
-    - `moves` to another vertex, and how often a robot was `turned` back, by all robots of a run: `mean`, `se`;
+    - `censored`: how many did not end before the limit. They count with the limit among all of the above,
+      where nothing else does, which makes means lower bounds; `stuck`: how many of these were proved never to
+      end, and were not followed further;
+    - `moves` to another vertex, and how often a robot was `turned` back, by all robots of a run: `mean` and
+      `se`;
     - `plans`: those that groups of two or more made (`teams`), and how many were `proven` best; None but for
       semi-markov;
     - `beliefs`: how often one was `asked` where a robot was, and held the truth for impossible (`zero`); how

@@ -88,22 +88,21 @@ def by_trying(case: Case, team: list[Member]) -> dict[Decision, float]:
     return best_joint(case.ways, targets, case.heard, team, case.horizon, case.miss)
 
 
-@pytest.mark.parametrize("slack", [0.0, 0.05, 0.5])
-def test_one_searcher_finds_what_trying_all_paths_finds(slack: float) -> None:
+def test_one_searcher_finds_what_trying_all_paths_finds() -> None:
     for seed in range(200):
         generator = np.random.default_rng(seed)
         case = small_case(generator, 9, 9)
         vertex = int(generator.integers(len(case.heard)))
-        tried = best_alone(
-            case.ways, targets_of(case.models, case.beliefs), case.heard, vertex, case.horizon, case.miss
-        )
-        plan = plan_alone(case.ground, case.beliefs, vertex, case.horizon, miss=case.miss, slack=slack)
-        assert plan.first.tolist() == sorted(tried)
-        least = (1 - slack) * max(tried.values())
-        for to, value in zip(plan.first.tolist(), plan.values.tolist(), strict=True):
-            if value >= 0 or tried[to] > least + SAME:
-                assert value == pytest.approx(tried[to], abs=SAME), seed
-            assert value < 0 or value >= least - SAME
+        targets = targets_of(case.models, case.beliefs)
+        tried = best_alone(case.ways, targets, case.heard, vertex, case.horizon, case.miss)
+        for slack in (0.0, 0.05, 0.5):
+            plan = plan_alone(case.ground, case.beliefs, vertex, case.horizon, miss=case.miss, slack=slack)
+            assert plan.first.tolist() == sorted(tried)
+            least = (1 - slack) * max(tried.values())
+            for to, value in zip(plan.first.tolist(), plan.values.tolist(), strict=True):
+                if value >= 0 or tried[to] > least + SAME:
+                    assert value == pytest.approx(tried[to], abs=SAME), seed
+                assert value < 0 or value >= least - SAME
 
 
 def test_the_best_path_is_worth_what_is_said() -> None:
@@ -122,7 +121,7 @@ def test_the_best_path_is_worth_what_is_said() -> None:
         assert value == pytest.approx(plan.values.max(), abs=SAME)
 
 
-@pytest.mark.parametrize(("members", "cases", "longest"), [(1, 20, 8), (2, 40, 7), (3, 25, 5)])
+@pytest.mark.parametrize(("members", "cases", "longest"), [(1, 15, 8), (2, 30, 7), (3, 12, 5)])
 def test_a_group_finds_what_trying_all_joint_plans_finds(members: int, cases: int, longest: int) -> None:
     for seed in range(cases):
         generator = np.random.default_rng(seed)
@@ -141,7 +140,7 @@ def test_a_group_finds_what_trying_all_joint_plans_finds(members: int, cases: in
 
 def test_a_search_that_has_dropped_nodes_says_how_far_it_may_be_from_the_best() -> None:
     unproven = worse = 0
-    for seed in range(30):
+    for seed in range(15):
         generator = np.random.default_rng(seed)
         case = small_case(generator, 6, 7)
         team = random_team(generator, case, 2)
@@ -208,7 +207,7 @@ def test_more_joint_moves_than_are_looked_at_together() -> None:
 
 def test_safe_follows_the_team_to_the_last_arrival() -> None:
     verdicts = []
-    for seed in range(300):
+    for seed in range(150):
         generator = np.random.default_rng(seed)
         case = small_case(generator, 7, 1)
         team = []

@@ -21,8 +21,8 @@ _TRIES = 4
 
 
 def gridholes(vertices: int, seed: int, *, holes: float, side: int, rim: int) -> Graph:
-    """A grid of which disjoint rectangular holes are cut out; they are obstacles."""
-    columns, rows = _rectangle(math.ceil(vertices / (1 - holes)))
+    """A square grid of which disjoint rectangular holes are cut out; they are obstacles."""
+    columns = rows = math.ceil(math.sqrt(vertices / (1 - holes)))
     free = np.ones((rows, columns), dtype=bool)
     draws = Draws(seed, "environment/gridholes")
     cut = [*_holes(free, vertices, draws, side, rim), *_single_holes(free, vertices, draws)]

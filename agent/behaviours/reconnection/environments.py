@@ -3,9 +3,9 @@
 Vandermeulen et al. (sec. V) draw environments of 150 vertices and do not say how. Each kind here is one
 guess; an environment is a pure function of its kind, its size, its seed and its options:
 
-- `gridholes`: a grid of which disjoint rectangular holes are cut out. `holes`: their share of the rectangle's
-  cells (a little more, so that the rectangle comes out even); `side`: longest side of a hole, in cells;
-  `rim`: how many cells holes keep off the rectangle's sides. Holes are obstacles.
+- `gridholes`: a square grid of which disjoint rectangular holes are cut out. `holes`: their share of the
+  square's cells, at least (the square is the smallest that leaves enough); `side`: longest side of a hole, in
+  cells; `rim`: how many cells holes keep off the square's sides. Holes are obstacles.
 - `gabriel`: Gabriel graph of random points in a square. `gap`: least distance between points, as a multiple
   of the side of the square that each of them has on average; 0: independent points.
 - `delaunay`: Delaunay triangulation of such points, without edges longer than `longest` times the median:
@@ -16,9 +16,9 @@ guess; an environment is a pure function of its kind, its size, its seed and its
 - `maze`: a grid, of whose edges a random spanning tree is left; then `loops`, a share of the others, are
   put back at random. Walls between cells are obstacles.
 
-For one size and share of holes, a grid's rectangle is the same for all seeds, and so is whether opposite
-corners are an even or an odd number of edges apart: edges of equal length conserve parity, and robots that
-start an even number apart, and never wait, meet at one vertex or not at all.
+Edges of equal length conserve parity: robots that never wait, and start an even number of edges apart, meet at
+one vertex or not at all; those that start an odd number apart hear each other from neighbouring vertices. In
+a square with sides of an even number of cells, opposite corners are an even number apart, others an odd one.
 
 For one seed, `gabriel` and both kinds of `delaunay` have the same points, but for the scale.
 """

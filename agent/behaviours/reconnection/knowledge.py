@@ -22,7 +22,8 @@ from agent.behaviours.reconnection.team import Motion, way_between
 class Expectation:
     """How others are expected to move: a model, or two for robots that may be cooperative or neutral.
 
-    `half`: after how many steps without contact a robot cooperates with probability 1/2 (`mixture`).
+    `half`: after how many steps without contact a robot cooperates with probability 1/2 (`mixture`). Raises
+    ValueError where two models need one, or are of different graphs.
     """
 
     def __init__(self, cooperative: Model, neutral: Model | None = None, half: float = 0.0) -> None:
@@ -31,6 +32,8 @@ class Expectation:
         self._neutral: Model | None = None
         self._cooperative = cooperative
         if neutral is not None:
+            if not half > 0:
+                raise ValueError(f"half: must be more than 0 steps, is {half}")
             self._cooperative, self._neutral = aligned(cooperative, neutral)
 
     @property
@@ -89,7 +92,9 @@ class Knowledge:
 
 def point(model: Model, ways: Ways, motion: Motion) -> Floats:
     """Certainty; a robot that turns back counts as one at the place that it returns to."""
-    if motion.free or motion.towards == motion.place or motion.elapsed == 0:
+    if motion.free:
+        return beliefs.at_vertex(model, motion.place, motion.elapsed + 1)
+    if motion.towards == motion.place or motion.elapsed == 0:
         return beliefs.at_vertex(model, motion.place)
     return beliefs.on_way(model, way_between(ways, motion.place, motion.towards), motion.elapsed)
 

@@ -26,7 +26,7 @@ class Task(NamedTuple):
 
     vertex: int
     steps: int
-    """How long it takes there."""
+    """How long it takes there, 1 or more."""
 
 
 class Member:
@@ -39,7 +39,7 @@ class Member:
         self._ways, self._draws = ways, draws
         self._random_steps = random_steps
         self._tasks = list(tasks)
-        self._begun = -1
+        self._work_left = 0
         self._visits = Visits(len(ways.start) - 1, start)
 
     def searching(self, step: int) -> bool:
@@ -66,7 +66,7 @@ class Member:
         if step < self._random_steps:
             towards = wander(self._ways, self.motion.place, float(self._draws.uniform(step, OWN)))
         else:
-            towards = self._next_for_tasks(step)
+            towards = self._next_for_tasks()
         if towards >= 0:
             self.motion = departed(self._ways, self.motion, towards)
 
@@ -76,18 +76,19 @@ class Member:
         before, self.motion = self.motion, moved(self.motion)
         if arrives and self.motion.place != before.place:
             self._visits.note(self.motion.place)
+        if self._work_left:
+            self._work_left -= 1
+            if not self._work_left:
+                # Here, not when it next decides: whether it searches must not change within a step.
+                del self._tasks[0]
 
-    def _next_for_tasks(self, step: int) -> int:
+    def _next_for_tasks(self) -> int:
         """The next vertex on the way to the first task; -1: stay, it is here."""
         task = self._tasks[0]
         if self.motion.place != task.vertex:
             return next_on_the_way(self._ways, self.motion.place, task.vertex)
-        self._begun = step if self._begun < 0 else self._begun
-        if step - self._begun < task.steps:
-            return -1
-        self._begun = -1
-        del self._tasks[0]
-        return self._next_for_tasks(step) if self._tasks else -1
+        self._work_left = self._work_left or task.steps
+        return -1
 
 
 def drawn_tasks(draws: Draws, vertices: int, count: int, longest: int) -> list[Task]:

@@ -107,7 +107,7 @@ class Planner:
     ) -> tuple[Ints, float, bool, int]:
         rules = self._rules
         slack, u = (0.0, 0.0) if rules.deterministic else (SLACK, u)
-        ground, models = self._ground([knowledge.since[robot] for robot in targets])
+        ground, models = self._ground([knowledge.since.get(robot, 0) for robot in targets])
         vectors = [
             knowledge.vector(model, self._ways, robot) for model, robot in zip(models, targets, strict=True)
         ]

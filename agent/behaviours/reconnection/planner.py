@@ -1,6 +1,6 @@
 """Where to search: the moves most likely to meet a target within a horizon (Vandermeulen et al., sec. IV).
 
-A plan is worth the probability of contact with at least one target in its H steps (Eqs. 8, 10):
+A plan is worth the probability of contact with at least one target in its H steps (Eqs. 10, 11):
 1 - prod(1 - c_j), where c_j adds up, step by step, the mass of target j's belief that the searchers hear;
 what they heard has gone from the belief, or, if silence proves little, a share `miss` of it stays.
 

@@ -120,6 +120,10 @@ class Room(NamedTuple):
     at: Ints
     part: Ints
     """(m,)."""
+    known: Ints
+    """(1,): up to which step `c` and `mass` are of this node."""
+    found: Ints
+    """(1,): how many joint choices it has so far."""
     best: Floats
     """(1,): value of the best plan so far."""
     lean: Floats
@@ -166,6 +170,8 @@ def room_of(ground: Ground, members: int, horizon: int, rows: int, lean: float) 
         places=places,
         at=at,
         part=part,
+        known=np.zeros(1, dtype=np.int64),
+        found=np.zeros(1, dtype=np.int64),
         best=np.full(1, -1.0),
         lean=np.full(1, lean),
     )

@@ -19,8 +19,10 @@ longest; `half_steps` (0: others are cooperative); `exchange` ("exact" or "quant
 many steps a member that is not heard counts as being there; `log_beliefs_steps` (10; 0: never).
 
 Logs at every step `reconnection`: `step`, `place`, `towards` (-1: nowhere), `network` (numbers), `searching`,
-and `whole`: all are one network, and search. Planners log `plan`: see `methods.Plan`; whoever merges
-beliefs `merge`; the lowest number of a network `belief`: of each robot that is absent, its likely places.
+and `whole`: all are one network, and search. Planners log `plan`: see `methods.Plan`. The lowest number of a
+network logs `belief`: of each robot that is absent, its likely places; and `merge`: whose beliefs were merged
+(`of`), how many of these were `heard`, of whom they were `wrong`, and how (`belief.Outcome`). The lowest of
+those who were one network before logs `outcome`: of whom their beliefs were `wrong`.
 """
 
 from __future__ import annotations
@@ -183,6 +185,8 @@ class Reconnection:
         own, outcomes = self._known.ticked(self._expected, self._ways, absent, heard, self._rules.miss)
         factors = [own]
         tellers = self._tellers()
+        if self._robot.number in tellers:
+            self._log_outcomes(outcomes)
         if len(tellers) > 1:
             if self._robot.number in tellers:
                 self._exchange.tell_facts(self._encoded(own))
@@ -190,7 +194,7 @@ class Reconnection:
             factors = [told for teller in tellers if (told := self._told(teller, absent)) is not None]
         self._known, disjoint = merged(factors or [own], connected)
         if len(tellers) > 1:
-            self._log_merge(tellers, len(factors), [*outcomes.values(), *disjoint.values()])
+            self._log_merge(tellers, len(factors), disjoint)
 
     def _tellers(self) -> list[int]:
         """The lowest number of each group that was connected before and is here now."""
@@ -293,9 +297,15 @@ class Reconnection:
         }
         self._robot.log("reconnection", entry)
 
-    def _log_merge(self, tellers: list[int], heard: int, outcomes: list[Outcome]) -> None:
-        wrong = [outcome.name for outcome in outcomes if outcome is not Outcome.usual]
-        self._robot.log("merge", {"step": self._step, "of": tellers, "heard": heard, "wrong": wrong})
+    def _log_outcomes(self, outcomes: dict[int, Outcome]) -> None:
+        wrong = _unusual(outcomes)
+        if wrong:
+            self._robot.log("outcome", {"step": self._step, "wrong": wrong})
+
+    def _log_merge(self, tellers: list[int], heard: int, outcomes: dict[int, Outcome]) -> None:
+        if min(self._network) == self._robot.number:
+            entry = {"step": self._step, "of": tellers, "heard": heard, "wrong": _unusual(outcomes)}
+            self._robot.log("merge", entry)
 
     def _log_beliefs(self) -> None:
         due = self._believes and self._log_every > 0 and self._step % self._log_every == 0
@@ -306,6 +316,10 @@ class Reconnection:
             mass = beliefs.by_place(model, belief)
             places = [[int(place), float(f"{mass[place]:.6g}")] for place in mass.nonzero()[0]]
             self._robot.log("belief", {"step": self._step, "of": robot, "places": places})
+
+
+def _unusual(outcomes: dict[int, Outcome]) -> list[tuple[int, str]]:
+    return [(robot, outcome.name) for robot, outcome in outcomes.items() if outcome is not Outcome.usual]
 
 
 def _graph_of(robot: Robot) -> Graph:

@@ -114,7 +114,7 @@ def everybody(robots: int) -> tuple[tuple[int, ...], ...]:
 
 
 def upwards(robots: int) -> tuple[tuple[int, ...], ...]:
-    """Everybody searches for those of a higher number; the last one waits: no livelock (sec. II.C)."""
+    """Everybody searches for those of a higher number; the last one stands still (sec. II.C)."""
     return tuple(tuple(range(i + 1, robots)) for i in range(robots))
 
 
@@ -133,18 +133,39 @@ def check_targets(targets: Sequence[Sequence[int]]) -> None:
     if len(sinks) != 1:
         raise ValueError(f"targets: {len(sinks)} robots search for nobody; it must be exactly one")
     # With one sink, without cycles, every walk ends at that sink: weak connection follows.
-    left = dict(enumerate(targets))
-    while left:
-        ready = [i for i, found in left.items() if not any(j in left for j in found)]
-        if not ready:
-            raise ValueError(f"targets: among robots {sorted(left)}, some search for each other in a circle")
+    circling = [i for i, height in enumerate(_heights(targets)) if height < 0]
+    if circling:
+        raise ValueError(f"targets: among robots {circling}, some search for each other in a circle")
+
+
+def _heights(targets: Sequence[Sequence[int]]) -> list[int]:
+    """The most searches in a row from each robot to one that searches for nobody; -1: round in circles."""
+    heights = [-1] * len(targets)
+    ready = [i for i, found in enumerate(targets) if not found]
+    height = 0
+    while ready:
         for i in ready:
-            del left[i]
+            heights[i] = height
+        height += 1
+        ready = [
+            i for i, found in enumerate(targets) if heights[i] < 0 and all(heights[j] >= 0 for j in found)
+        ]
+    return heights
 
 
 def targets_of(
     group: Iterable[int], connected: Iterable[int], targets: Sequence[Sequence[int]]
 ) -> tuple[int, ...]:
-    """For whom a group searches: all that its members search for, but for those that are connected."""
-    near = set(connected)
-    return tuple(sorted({j for i in group for j in targets[i]} - near))
+    """For whom a group searches: all that its members search for, but for those that are connected.
+
+    Under a target graph that rules out livelock (`check_targets`), members may still not search for whom they
+    would by themselves: with 0 > 1 > 2, the group of 0 and 2 and the robot 1 would search for each other. So
+    that searches of groups do not go in circles either, a group searches only for those below its lowest
+    member, by the most searches in a row that lead to the sink; whoever is with the sink stands still.
+    """
+    members = list(group)
+    heights = _heights(targets)
+    ordered = min(heights) == 0 and heights.count(0) == 1
+    lowest = min(heights[i] for i in members) if ordered else len(targets)
+    found = {j for i in members for j in targets[i] if heights[j] < lowest}
+    return tuple(sorted(found - set(connected)))

@@ -1,0 +1,175 @@
+"""Searches by robot processes on the emulator, as a study that is read like the simulation.
+
+The shipped scenario `reconnection` with another team, environment, method: run for run, the same seed gives the
+same search in both. Robots find out by radio what members of the simulation share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from agent.behaviours.reconnection.planner import BUDGET, WIDTH
+from channels.units import MAX_TIME_NS, NS_PER_S
+from logs.reader import LogReader
+from scenarios.emulated import emulated
+from scenarios.reconnection.score import score
+from scenarios.reconnection.study_reconnection import STUDY, ReconnectionParameters, search_of
+from scenarios.reconnection.study_reconnection import check as check_simulated
+from scenarios.study import Study, described, mean_and_error, one_each
+
+SCENARIO = "reconnection"
+SPEED_MPS = 1.0
+LAST_STEP_S = 0.5
+"""How much of the last step there is: all three phases, but not the next arrivals."""
+
+
+class EmulatedParameters(ReconnectionParameters, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """As of the simulation, but for what only that has: `loss`, `width` and `budget`."""
+
+    compare: Annotated[
+        bool, Meta(description="simulate each run as well, and tell how many are the same")
+    ] = False
+
+
+class EmulatedRun(Struct, frozen=True):
+    """One run: what its score says, and whether the simulation says the same."""
+
+    seed: int
+    steps: int
+    """Until the team was one network, or the limit."""
+    connected: bool
+    moves: int
+    turned: int
+    broken: int
+    bytes_per_step: float
+    """Payload, per robot."""
+    same: bool | None
+
+
+def check(parameters: EmulatedParameters) -> None:
+    """Raises ValueError for what the simulation or the emulator cannot do, naming the key."""
+    check_simulated(parameters)
+    if parameters.loss:
+        raise ValueError(
+            "loss: radios lose messages, not contacts; leave it 0, or run the scenario with radio.loss"
+        )
+    for key, usual in (("width", WIDTH), ("budget", BUDGET)):
+        if getattr(parameters, key) != usual:
+            raise ValueError(f"{key}: robots of the emulator search {usual} far; leave it so")
+    most = int(MAX_TIME_NS / NS_PER_S)
+    if parameters.random_steps + parameters.limit + LAST_STEP_S > most:
+        raise ValueError(f"limit: a run of the emulator lasts {most} s at most; set less")
+
+
+def simulate(
+    parameters: EmulatedParameters, generator: np.random.Generator, samples: int
+) -> list[EmulatedRun]:
+    """So many runs."""
+    return [_run(parameters, int(generator.integers(2**31))) for _ in range(samples)]
+
+
+def overrides(parameters: EmulatedParameters) -> list[str]:
+    """What makes the shipped scenario one of these parameters."""
+    same = ("method", "travel_steps", "random_steps", "horizon", "memory", "targets", "miss", "tasks")
+    settings = {key: getattr(parameters, key) for key in (*same, "task_steps", "holding")}
+    settings |= {"deterministic": str(parameters.deterministic).lower(), "half_steps": parameters.half}
+    # Long ways take a step for each half of a metre at 2 steps a metre; with less, robots must be faster.
+    speed_mps = SPEED_MPS * max(1.0, 1.0 / parameters.travel_steps)
+    return [
+        f"run.duration_s={parameters.random_steps + parameters.limit + LAST_STEP_S}",
+        f"world.motion.max_speed_mps={speed_mps}",
+        f"world.graph={_graph(parameters)}",
+        *(f"params.{key}={value}" for key, value in settings.items()),
+    ]
+
+
+def _graph(parameters: EmulatedParameters) -> str:
+    """The inline table `world.graph`."""
+    starts = "" if parameters.starts is None else f", starts = [{parameters.starts}]"
+    if parameters.graph is not None:
+        return f"{{ file = {_quoted(str(Path(parameters.graph).absolute()))}{starts} }}"
+    args = f"{{ kind = {_quoted(parameters.environment)}, vertices = {parameters.vertices} }}"
+    return (
+        f'{{ generator = "agent.behaviours.reconnection.environments:environment", args = {args}{starts} }}'
+    )
+
+
+def _quoted(text: str) -> str:
+    """As TOML has it."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _run(parameters: EmulatedParameters, seed: int) -> EmulatedRun:
+    found = emulated(SCENARIO, _scored, seed=seed, robots=parameters.robots, overrides=overrides(parameters))
+    steps = parameters.limit if found["steps"] is None else found["steps"]
+    moves, turned = found["moves"]["total"], found["turned_back"]
+    same = None
+    if parameters.compare:
+        course = search_of(parameters, seed).run(parameters.random_steps, parameters.limit)
+        expected = course.steps, course.connected
+        same = expected == (steps, found["reached"]) and (
+            course.stuck or (course.moves, course.turned) == (moves, turned)
+        )
+    return EmulatedRun(
+        seed,
+        steps,
+        found["reached"],
+        moves,
+        turned,
+        found["broken"]["true"],
+        found["radio"]["per_robot_and_step"],
+        same,
+    )
+
+
+def _scored(log: LogReader) -> dict[str, Any]:
+    return score(log)
+
+
+def summarise(parameters: EmulatedParameters, partials: Sequence[list[EmulatedRun]]) -> dict[str, Any]:
+    """As of the study `reconnection`: `steps`, `times`, `seeds`, `censored`, `moves`, `turned`, `broken`, `samples`.
+
+    And `bytes_per_robot_and_step` (payload: `mean`, `se`); `same`: how many runs the simulation does in just as
+    many steps, moves and turnings back; None unless `compare`.
+    """
+    runs = [run for partial in partials for run in partial]
+    times = [run.steps for run in runs]
+    mean, error = mean_and_error(times)
+    return {
+        "steps": {
+            "mean": mean,
+            "sd": None if error is None else error * len(times) ** 0.5,
+            "se": error,
+            "median": float(np.median(times)),
+        },
+        "times": times,
+        "seeds": [run.seed for run in runs],
+        "censored": sum(not run.connected for run in runs),
+        "moves": described(run.moves for run in runs),
+        "turned": described(run.turned for run in runs),
+        "broken": sum(run.broken for run in runs),
+        "bytes_per_robot_and_step": described(run.bytes_per_step for run in runs),
+        "same": sum(bool(run.same) for run in runs) if parameters.compare else None,
+        "samples": len(runs),
+    }
+
+
+EMULATED = Study(
+    name="reconnection-emulated",
+    title="Reconnection by robot processes on the emulator",
+    parameters=EmulatedParameters,
+    samples=4,
+    unit="runs",
+    chunk=one_each,
+    simulate=simulate,
+    summarise=summarise,
+    check=check,
+    max_jobs=1,  # the robots of one run keep all processors busy
+    chance=STUDY.name,
+)

@@ -1,0 +1,163 @@
+"""What a log says of a search: of every step, what the robots told and where they really were."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Any, TypeAlias
+
+from msgspec import MsgspecError, Struct, convert, msgpack
+
+from agent.behaviours.reconnection.model import Bools
+from agent.behaviours.reconnection.team import networks
+from channels.graphs import hearing
+from channels.units import NS_PER_S
+from emulator.graphs import GraphSettings, graph_of
+from logs.reader import LogReader
+from scenarios.dissemination.knowledge import read as read_run
+from scenarios.places import vertices
+
+STEP, PLAN, BELIEF, MERGE, OUTCOME, REFUSED = NAMES = (
+    "reconnection", "plan", "belief", "merge", "outcome", "refused message",
+)  # fmt: skip
+"""What `agent.behaviours.reconnection.reconnect` logs."""
+
+KINDS = {"p": "presences", "k": "facts", "d": "decisions", "": "other"}
+"""By the tags of `agent.behaviours.reconnection.messages`."""
+
+Sent: TypeAlias = dict[tuple[int, str], tuple[int, int]]
+Entry: TypeAlias = tuple[int, int, Mapping[str, Any]]
+"""(log time [ns], number of the robot, what it logged)"""
+
+
+class Moment(Struct, frozen=True):
+    """One step of the team's common time."""
+
+    step: int
+    time_ns: int
+    """When the first robot logged it. Robots are at their places for the whole step from there on."""
+    told: dict[int, Mapping[str, Any]]
+    """What each robot logged of it, by number; those that are dead or were late are missing."""
+    places: tuple[int, ...]
+    """The vertex that each robot really communicated from."""
+    alive: tuple[int, ...]
+    """Whose behaviour had not returned."""
+
+    @property
+    def searching(self) -> tuple[int, ...]:
+        """Who had nothing else to do."""
+        return tuple(robot for robot, entry in self.told.items() if entry["searching"])
+
+    def groups(self, hearing: Bools) -> list[tuple[int, ...]]:
+        """Who searched together: connected by those who search, and aware of each other."""
+        found = []
+        left = list(self.searching)
+        while left:
+            aware = self.told[left[0]]["network"]
+            places = {robot: self.places[robot] for robot in left if robot in aware}
+            group = networks(places, hearing)[0]
+            found.append(group)
+            left = [robot for robot in left if robot not in group]
+        return found
+
+
+class History(Struct, frozen=True):
+    """What scoring takes from a log."""
+
+    robots: tuple[str, ...]
+    moments: list[Moment]
+    entries: dict[str, list[Entry]]
+    """By name, in the order of the log."""
+    sent: Sent
+    """How many messages, and payload bytes, by number of the sender and tag, of `KINDS`."""
+    dead: tuple[int, ...]
+    """Whose behaviour returned before the run was over."""
+    end_ns: int
+    hearing: Bools
+    """Which places hear each other, by the links of the graph."""
+    settings: Mapping[str, Any]
+    """The scenario as it was run."""
+
+    @property
+    def step_s(self) -> float:
+        """Length of a step [s]."""
+        return float(self.settings.get("params", {}).get("step_s", 1.0))
+
+    @property
+    def random_steps(self) -> int:
+        """How many steps all wander at first."""
+        return int(self.settings.get("params", {}).get("random_steps", 50))
+
+    def networks(self, moment: Moment) -> list[tuple[int, ...]]:
+        """Who of those alive could hear each other, directly or by others: by true places and links."""
+        return networks({robot: moment.places[robot] for robot in moment.alive}, self.hearing)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the run."""
+        return self.end_ns / NS_PER_S
+
+
+def read(log: LogReader) -> History:
+    """Everything scoring needs, read once. Raises ValueError for a log of no search on a graph."""
+    run = read_run(log)
+    graph = graph_of(convert(run.settings["world"].get("graph"), GraphSettings | None))
+    if graph is None:
+        raise ValueError(f"{log.path}: its world has no graph; score a run of robots that search on one")
+    entries = _entries(log, run.robots)
+    times_ns: dict[int, int] = {}
+    told: dict[int, dict[int, Mapping[str, Any]]] = {}
+    for time_ns, robot, data in entries[STEP]:
+        times_ns.setdefault(data["step"], time_ns)
+        told.setdefault(data["step"], {})[robot] = data
+    at = vertices(run.truth, run.settings["world"]["motion"], graph, times_ns.values())
+    dead = [robot for robot, end_ns in enumerate(run.ended_ns) if end_ns < run.end_ns]
+    moments = [
+        Moment(
+            step=step,
+            time_ns=time_ns,
+            told=dict(sorted(told[step].items())),
+            places=tuple(places.tolist()),
+            alive=tuple(i for i in range(len(run.robots)) if i not in dead or run.ended_ns[i] > time_ns),
+        )
+        for (step, time_ns), places in zip(times_ns.items(), at, strict=True)
+    ]
+    return History(
+        robots=tuple(run.robots),
+        moments=moments,
+        entries=entries,
+        sent=_sent(log, run.robots, int(run.settings["radio"].get("overhead_bits", 0))),
+        dead=tuple(dead),
+        end_ns=run.end_ns,
+        hearing=hearing(graph),
+        settings=run.settings,
+    )
+
+
+def _entries(log: LogReader, robots: Sequence[str]) -> dict[str, list[Entry]]:
+    number = {name: index for index, name in enumerate(robots)}
+    found: dict[str, list[Entry]] = {name: [] for name in NAMES}
+    for time_ns, record in log.records("/robot"):
+        if record["entry"] in found:
+            found[record["entry"]].append((time_ns, number[record["robot"]], record["data"]))
+    return found
+
+
+def _sent(log: LogReader, robots: Sequence[str], overhead_bits: int) -> Sent:
+    number = {name: index for index, name in enumerate(robots)}
+    found: Sent = {}
+    for _, record in log.records("/radio"):
+        tag = _tag(record["payload"])
+        key = number[record["from"]], tag if tag in KINDS else ""
+        messages, size = found.get(key, (0, 0))
+        found[key] = messages + 1, size + (record["bits"] - overhead_bits) // 8
+    return found
+
+
+def _tag(payload: object) -> str:
+    """What a message begins with; the log has those that JSON has no form for as bytes."""
+    if isinstance(payload, dict) and payload.keys() == {"base64"}:
+        with suppress(ValueError, MsgspecError):
+            payload = msgpack.decode(base64.b64decode(payload["base64"]), type=list[Any], strict=False)
+    return payload[0] if isinstance(payload, list) and payload and isinstance(payload[0], str) else ""
