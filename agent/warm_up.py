@@ -7,6 +7,7 @@ robots share. What is settled before the fork is settled once, and its pages sta
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 
 from agent.host import RobotHost
 from agent.robot import Robot
@@ -14,10 +15,19 @@ from channels.messages import Grant, Hello, Message, RadioPlan, WireFrame, encod
 
 GRANTS = 40
 PERIOD_NS = 500_000_000
+_more: list[Callable[[], object]] = []
+
+
+def before_forks(function: Callable[[], object]) -> None:
+    """Have a function called before robots are forked: what it loads or compiles, none of them needs to.
+
+    For modules of behaviours, as they are imported. Nothing may depend on it: not all robots are forked.
+    """
+    _more.append(function)
 
 
 def warm_up() -> None:
-    """A few virtual seconds of a robot that talks, listens, looks and logs."""
+    """A few virtual seconds of a robot that talks, listens, looks and logs; and `before_forks`."""
     plan = RadioPlan(max_payload_bytes=100, overhead_bits=0, bit_rate_bps=None, queue=10)
     host = RobotHost(Hello("warm-up", "", {}, 0, 0, (0.0, 0.0, 0.0), plan, 1), _bit_of_everything)
     message = Message(0, "nobody", encode_payload({"id": "nobody"}))
@@ -25,6 +35,8 @@ def warm_up() -> None:
     for number in range(GRANTS):
         host.exchange(encode(Grant(number, number * PERIOD_NS, [message], [frame], (0.0, 0.0, 0.0))))
     host.close()
+    for function in _more:
+        function()
 
 
 async def _bit_of_everything(robot: Robot) -> None:

@@ -1,7 +1,7 @@
 """Searches by robot processes on the emulator, as a study that is read like the simulation.
 
-The shipped scenario `reconnection` with another team, environment, method: run for run, the same seed gives the
-same search in both. Robots find out by radio what members of the simulation share.
+The shipped scenario `reconnection` with another team, environment, method: run for run, the same seed gives
+the same search in both. Robots find out by radio what members of the simulation share.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from scenarios.reconnection.study_reconnection import check as check_simulated
 from scenarios.study import Study, described, mean_and_error, one_each
 
 SCENARIO = "reconnection"
-SPEED_MPS = 1.0
 LAST_STEP_S = 0.5
 """How much of the last step there is: all three phases, but not the next arrivals."""
 
@@ -78,8 +77,8 @@ def overrides(parameters: EmulatedParameters) -> list[str]:
     same = ("method", "travel_steps", "random_steps", "horizon", "memory", "targets", "miss", "tasks")
     settings = {key: getattr(parameters, key) for key in (*same, "task_steps", "holding")}
     settings |= {"deterministic": str(parameters.deterministic).lower(), "half_steps": parameters.half}
-    # Long ways take a step for each half of a metre at 2 steps a metre; with less, robots must be faster.
-    speed_mps = SPEED_MPS * max(1.0, 1.0 / parameters.travel_steps)
+    # Half of that on the longest way of so many steps, and up to all of it to turn back in the step after.
+    speed_mps = max(1.0, 2.0 / parameters.travel_steps)
     return [
         f"run.duration_s={parameters.random_steps + parameters.limit + LAST_STEP_S}",
         f"world.motion.max_speed_mps={speed_mps}",
@@ -133,10 +132,10 @@ def _scored(log: LogReader) -> dict[str, Any]:
 
 
 def summarise(parameters: EmulatedParameters, partials: Sequence[list[EmulatedRun]]) -> dict[str, Any]:
-    """As of the study `reconnection`: `steps`, `times`, `seeds`, `censored`, `moves`, `turned`, `broken`, `samples`.
+    """As of study `reconnection`: `steps`, `times`, `seeds`, `censored`, `moves`, `turned`, `broken`, `samples`.
 
-    And `bytes_per_robot_and_step` (payload: `mean`, `se`); `same`: how many runs the simulation does in just as
-    many steps, moves and turnings back; None unless `compare`.
+    And `bytes_per_robot_and_step` (payload: `mean`, `se`); `same`: how many runs the simulation does in just
+    as many steps, moves and turnings back; None unless `compare`.
     """
     runs = [run for partial in partials for run in partial]
     times = [run.steps for run in runs]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -24,10 +24,9 @@ def score_history(history: History) -> dict[str, Any]:
     - `reached`: whether all whose behaviour still ran were one network, and searched; when that was, in
       `steps` and `time_s` (None: never);
     - `moves`: how often each robot came to another vertex until then;
-    - `contacts`, `agreement`, `broken`: see `score_contacts`; `turned_back`: how often robots were turned
-      back so that a network did not break;
-    - `plans`, `radio`: see `plans`, `bytes_sent`; `beliefs` (None: nothing was believed), `merges`: see
-      `score_beliefs`. All of these of the whole run;
+    - `turned_back`: how often robots were turned back until then, so that a network did not break; `plans`:
+      see `plans`, until then; `contacts`, `agreement`, `broken`: see `score_contacts`;
+    - `beliefs` (None: nothing was believed), `merges`: see `score_beliefs`; `radio`: see `bytes_sent`;
     - `refused`: how many messages robots refused.
 
     How long planning takes is not in a log, which is the same on every machine: `make bench` measures it.
@@ -45,8 +44,8 @@ def score_history(history: History) -> dict[str, Any]:
         "contacts": contacts(history, search),
         "agreement": agreement(history),
         "broken": broken(history, search),
-        "turned_back": sum(len(data["turned"]) for _, _, data in history.entries[PLAN]),
-        "plans": plans(history),
+        "turned_back": sum(len(data["turned"]) for data in _decisions(history, found)),
+        "plans": plans(_decisions(history, found)),
         "beliefs": calibration(history),
         "merges": merges(history),
         "radio": bytes_sent(history),
@@ -55,14 +54,14 @@ def score_history(history: History) -> dict[str, Any]:
 
 
 def reunion(history: History) -> Moment | None:
-    """The first step at which all that are alive search, and have found each other."""
+    """The first step at which all that are alive, two or more, search and have found each other."""
     return next((moment for moment in history.moments if _together(moment)), None)
 
 
 def _together(moment: Moment) -> bool:
     everybody = set(moment.alive)
     told = [moment.told.get(robot) for robot in moment.alive]
-    return bool(told) and all(
+    return len(told) > 1 and all(
         entry is not None and entry["searching"] and everybody <= set(entry["network"]) for entry in told
     )
 
@@ -85,14 +84,19 @@ def moves(history: History, search: Sequence[Moment]) -> dict[str, Any]:
     return {"per_robot": dict(zip(history.robots, count, strict=True)), "total": sum(count)}
 
 
-def plans(history: History) -> dict[str, Any] | None:
+def _decisions(history: History, found: Moment | None) -> list[Mapping[str, Any]]:
+    entries = [data for _, _, data in history.entries[PLAN]]
+    return [data for data in entries if found is None or data["step"] < found.step]
+
+
+def plans(decisions: Iterable[Mapping[str, Any]]) -> dict[str, Any] | None:
     """What was planned with beliefs: by robots `alone` and by `groups` of two or more.
 
     Each: `plans`, `nodes` (mean: how far the search looked), `contact` (mean: how likely contact within the
     horizon was held to be); `proven` of `groups`: the share of plans of which it was proved that none is
     better. None for other methods.
     """
-    made = [data for _, _, data in history.entries[PLAN] if data["contact"] is not None]
+    made = [data for data in decisions if data["contact"] is not None]
     if not made:
         return None
     alone, groups = ([data for data in made if (len(data["group"]) > 1) is many] for many in (False, True))

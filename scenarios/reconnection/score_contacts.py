@@ -49,15 +49,21 @@ def broken(history: History, search: Sequence[Moment]) -> dict[str, int]:
     """How often robots that searched together were not in one network a step later.
 
     `told`: by what they themselves took for their network; `true`: by true places and the links of the graph.
-    Who died does not count.
+    Groups of which a member died in between do not count.
     """
     told = true = 0
     for before, after in pairwise(search):
         networks = history.networks(after)
         for group in before.groups(history.hearing):
-            left = set(group) & set(after.alive)
-            told += any(not left <= set(after.told[robot]["network"]) for robot in left & after.told.keys())
-            true += not any(left <= set(network) for network in networks) and len(left) > 1
+            members = set(group)
+            if not members <= set(after.alive):
+                continue
+            told += any(
+                not members <= set(entry["network"])
+                for robot, entry in after.told.items()
+                if robot in members
+            )
+            true += not any(members <= set(network) for network in networks)
     return {"told": told, "true": true}
 
 

@@ -89,6 +89,7 @@ class Search:
         everybody = {robot: member.motion for robot, member in enumerate(members)}
         self.known = [Knowledge(everybody)] * len(members)
         self._places: list[int] = []
+        self._sought_by: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[int, ...]] = {}
         self._decided_in: list[tuple[int, ...]] = []
         self._subgroups: list[tuple[int, ...]] = []
 
@@ -111,11 +112,25 @@ class Search:
             if done or stuck or searched >= limit:
                 return self._course(searched if done else limit, done, stuck)
             self._decide(step, random_steps)
+            if watch is None:
+                begins = step < random_steps
+                step += self._skipped((random_steps if begins else random_steps + limit) - step)
             for member in self.members:
                 place = member.motion.place
                 member.advance()
                 self._count["moves"] += searched >= 0 and member.motion.place != place
             step += 1
+
+    def _skipped(self, most: int) -> int:
+        """Less than so many steps, in which nothing happens but that robots come nearer: how many these are."""
+        motions = [member.motion for member in self.members]
+        if self._believes or self._loss is not None or any(motion.free for motion in motions):
+            return 0
+        steps = min(most, *(motion.left for motion in motions)) - 1
+        if steps > 0:
+            for member, motion in zip(self.members, motions, strict=True):
+                member.motion = motion._replace(elapsed=motion.elapsed + steps, left=motion.left - steps)
+        return steps
 
     def _repeats(self) -> bool:
         """Whether what follows depends on `_state` alone, once all search: nothing is drawn."""
@@ -198,7 +213,7 @@ class Search:
         persistent = self._rules.method == "persistent"
         plan = self._planner.decided(
             motions,
-            targets_of(subgroup, group, self._targets),
+            self._sought(subgroup, group),
             self.known[subgroup[0]],
             {robot: self.members[robot].ages(memory) for robot in subgroup} if persistent else {},
             members[0].drawn(step),
@@ -207,6 +222,12 @@ class Search:
         for robot, member in zip(subgroup, members, strict=True):
             member.motion = plan.motions[robot]
         self._note_plan(plan, len(subgroup))
+
+    def _sought(self, subgroup: tuple[int, ...], group: tuple[int, ...]) -> tuple[int, ...]:
+        key = subgroup, group
+        if key not in self._sought_by:
+            self._sought_by[key] = targets_of(subgroup, group, self._targets)
+        return self._sought_by[key]
 
     def _note_plan(self, plan: Plan, members: int) -> None:
         self._count["turned"] += len(plan.turned)

@@ -97,7 +97,7 @@ def teams(draw: st.DrawFn, graph: Graph, most: int = 4) -> list[Motion]:
 
 
 @given(st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_networks_are_as_many_as_eigenvalues_of_the_laplacian_are_zero(data: st.DataObject) -> None:
     graph = data.draw(graphs(9))
     places = dict(
@@ -118,7 +118,7 @@ def test_networks_are_as_many_as_eigenvalues_of_the_laplacian_are_zero(data: st.
 
 
 @given(st.data())
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_as_few_as_possible_turn_back(data: st.DataObject) -> None:
     graph = data.draw(graphs())
     motions = data.draw(teams(graph))
@@ -154,7 +154,7 @@ def _decisions(graph: Graph, motions: Sequence[Motion]) -> Iterator[tuple[int, .
 
 
 @given(st.data())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=70, deadline=None)
 def test_joint_moves_are_all_that_keep_a_team_together(data: st.DataObject) -> None:
     graph = data.draw(graphs(6))
     motions = data.draw(teams(graph, 3))
@@ -312,7 +312,7 @@ def test_groups_meet_and_turn_back_in_such_runs() -> None:
 
 
 @given(st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_what_nobody_decides_goes_as_foreseen(data: st.DataObject) -> None:
     graph = data.draw(graphs())
     ways = ways_of(graph, 1)

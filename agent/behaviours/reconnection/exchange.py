@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from agent.behaviours.reconnection import messages
 from agent.behaviours.reconnection.messages import Decision, MessageError, Piece, Presence, Presences
+from agent.behaviours.reconnection.model import Ways
 from agent.behaviours.reconnection.pieces import PieceError, joined, piece_of, split
 from agent.robot import Robot
 from channels.messages import Message
@@ -16,11 +17,11 @@ from channels.units import to_s
 class Exchange:
     """One robot's side. What it hears for the first time it passes on at once.
 
-    `vertices`: of the graph; `repeats`: how often everything is told in each phase, for radios that lose.
+    `ways`: of the environment; `repeats`: how often everything is told in each phase, for radios that lose.
     """
 
-    def __init__(self, robot: Robot, vertices: int, repeats: int) -> None:
-        self._robot, self._vertices, self._repeats = robot, vertices, repeats
+    def __init__(self, robot: Robot, ways: Ways, repeats: int) -> None:
+        self._robot, self._ways, self._repeats = robot, ways, repeats
         self._step = -1
         self._early: list[messages.Message] = []
         self.presences: dict[int, Presence] = {}
@@ -83,7 +84,7 @@ class Exchange:
         found = []
         for message in heard:
             try:
-                found.append(messages.decode(message.raw, self._robot.team_size, self._vertices))
+                found.append(messages.decode(message.raw, self._robot.team_size, self._ways))
             except MessageError as error:
                 self._robot.log("refused message", {"from": message.sender, "why": str(error)})
         self._pass_on(found)
@@ -92,7 +93,7 @@ class Exchange:
         """Note what is new, and tell it; all presences in one message."""
         presences: list[Presence] = []
         for message in found:
-            if message.step > self._step:
+            if message.step == self._step + 1:
                 self._early.append(message)
             elif message.step == self._step:
                 if isinstance(message, Presences):

@@ -1,8 +1,8 @@
 """What searching robots tell each other by radio, as msgpack arrays.
 
 Within each step of the team's common time, messages are flooded: whoever hears something for the first time
-passes it on at once, so that it reaches everybody in the network. `Presences` first; where groups have met, what
-each of them knows (`Piece`, of `Facts`); and what the planner of a group has decided (`Decision`).
+passes it on at once, so that it reaches everybody in the network. `Presences` first; where groups have met,
+what each of them knows (`Piece`, of `Facts`); and what the planner of a group has decided (`Decision`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import Annotated, TypeAlias
 import msgspec
 from msgspec import Meta, Struct, msgpack
 
-from agent.behaviours.reconnection.team import Motion
+from agent.behaviours.reconnection.model import Ways
+from agent.behaviours.reconnection.team import Motion, departed, turned_back
 from channels.graphs import MOST_VERTICES
 
 MOST_MEMBERS = 62
@@ -101,8 +102,8 @@ class MessageError(ValueError):
     """What nobody of the team can have sent."""
 
 
-def decode(raw: bytes, members: int, vertices: int) -> Message:
-    """A message of a team of so many, on a graph of so many vertices. Raises MessageError."""
+def decode(raw: bytes, members: int, ways: Ways) -> Message:
+    """A message of a team of so many, in an environment of these ways. Raises MessageError."""
     try:
         message: Message = _messages.decode(raw)
     except msgspec.MsgspecError as error:
@@ -117,11 +118,35 @@ def decode(raw: bytes, members: int, vertices: int) -> Message:
     if any(number >= members for number in numbers):
         raise MessageError(f"names robot {max(numbers)} of a team of {members}")
     for course in courses:
-        if max(course.place, course.towards) >= vertices:
-            raise MessageError(f"names vertex {max(course.place, course.towards)} of {vertices}")
-        if (course.towards >= 0) != (course.left > 0):
-            raise MessageError("has a robot that is on the way to nowhere, or has no way left")
+        _check_course(course, ways)
     return message
+
+
+def _check_course(course: Course, ways: Ways) -> None:
+    """Raises MessageError for a motion that no robot can be in."""
+    place, towards, vertices = course.place, course.towards, len(ways.start) - 1
+    if max(place, towards) >= vertices:
+        raise MessageError(f"names vertex {max(place, towards)} of {vertices}")
+    if (towards >= 0) != (course.left > 0):
+        raise MessageError("has a robot that is on the way to nowhere, or has no way left")
+    if towards < 0:
+        return
+    steps = ways.steps[ways.start[place] : ways.start[place + 1]]
+    if towards == place:
+        fits = course.left <= course.elapsed and course.left + course.elapsed <= 2 * int(steps.max(initial=0))
+    else:
+        here = ways.head[ways.start[place] : ways.start[place + 1]] == towards
+        fits = course.left + course.elapsed - 1 in steps[here].tolist()
+    if not fits:
+        raise MessageError(f"has a robot on a way from vertex {place} to {towards} that there is not")
+
+
+def follows(ways: Ways, motion: Motion, decided: Motion) -> bool:
+    """Whether a robot in this motion can do what has been decided: go on, turn back, or set out."""
+    if decided in (motion, turned_back(motion)):
+        return True
+    sets_out = motion.free and not decided.free and decided.towards != motion.place
+    return sets_out and decided.place == motion.place and decided == departed(ways, motion, decided.towards)
 
 
 def decode_facts(raw: bytes) -> Facts:

@@ -43,10 +43,10 @@ ROUNDING = 1e-12
 """Values that differ by less than this share of theirs are equal; which is greater is chance of rounding."""
 
 
-WIDTH = 16
+WIDTH = 8
 """How many nodes a group's search keeps of each step, at first."""
 
-BUDGET = 120
+BUDGET = 60
 """How many nodes a group's search goes on from before it stops to double the width."""
 
 LEAN = 0.2

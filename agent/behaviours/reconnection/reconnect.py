@@ -29,50 +29,37 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from agent.behaviours.reconnection import belief as beliefs
+from agent.behaviours.reconnection import facts
+from agent.behaviours.reconnection.baselines import Ages
 from agent.behaviours.reconnection.belief import Outcome
 from agent.behaviours.reconnection.exchange import Exchange
-from agent.behaviours.reconnection.knowledge import Expectation, Knowledge, heard_by, merged
-from agent.behaviours.reconnection.member import Member, drawn_tasks
-from agent.behaviours.reconnection.messages import (
-    MOST_MEMBERS,
-    Course,
-    Decision,
-    Fact,
-    Facts,
-    MessageError,
-    Presence,
-    decode_facts,
-    encode,
+from agent.behaviours.reconnection.knowledge import Knowledge, heard_by, merged
+from agent.behaviours.reconnection.messages import Course, Decision, MessageError, Presence, follows
+from agent.behaviours.reconnection.methods import Plan, Planner
+from agent.behaviours.reconnection.model import Model, ways_of
+from agent.behaviours.reconnection.settings import (
+    expectation_of,
+    graph_of,
+    member_of,
+    phase_ns_of,
+    rules_of,
 )
-from agent.behaviours.reconnection.methods import METHODS, Plan, Planner, Rules
-from agent.behaviours.reconnection.model import HOLDINGS, Model, walk_model, ways_of
 from agent.behaviours.reconnection.team import Motion, everybody, moved, networks, targets_of, upwards
-from agent.behaviours.reconnection.wire import WireError
-from agent.behaviours.reconnection.wire import decode as decode_belief
-from agent.behaviours.reconnection.wire import encode as encode_belief
-from agent.behaviours.reconnection.wire import exact as encode_exactly
-from agent.parameters import (
-    ParameterError,
-    choice,
-    flag,
-    not_negative,
-    positive,
-    probability,
-    whole_number,
-)
+from agent.behaviours.reconnection.warm import search_a_little
+from agent.parameters import ParameterError, choice, positive, whole_number
 from agent.robot import Robot, Step
-from channels.graphs import Graph, hearing, starts, vertices_at
-from channels.randomness import Draws
-from channels.units import to_ns
+from agent.warm_up import before_forks
+from channels.graphs import hearing, starts
 
 TARGETS = {"all": everybody, "upwards": upwards}
 EXCHANGES = ("exact", "quantised")
 
-ARRIVE_EARLY = 0.05
+ARRIVE_EARLY = 0.1
 """Which share of a step before the step's beginning a robot arrives: rounding must not make it late."""
+THERE_M = 1e-3
+
+before_forks(search_a_little)
 
 
 async def reconnect(robot: Robot) -> None:
@@ -91,20 +78,20 @@ class Reconnection:
     def __init__(self, robot: Robot) -> None:
         params = robot.params
         self._robot = robot
-        self._graph = graph = _graph_of(robot)
+        self._graph = graph = graph_of(robot)
         self.step_s = positive(params, "step_s", 1.0)
-        self._phase_ns = _phase_ns(robot, self.step_s)
+        self._phase_ns = phase_ns_of(params, self.step_s)
         self._ways, self._hearing = ways_of(graph, positive(params, "travel_steps", 2.0)), hearing(graph)
-        self._rules = _rules(robot)
+        self._rules = rules_of(params)
         self._believes = self._rules.method == "semi-markov"
-        self._expected = self._expectation()
+        self._expected = expectation_of(params, graph, self._ways)
         self._planner = Planner(self._ways, self._hearing, self._expected, self._rules)
         self._targets = TARGETS[choice(params, "targets", tuple(TARGETS), "all")](robot.team_size)
-        self._member = self._new_member()
+        self._member = member_of(robot, graph, self._ways)
         self._exact = choice(params, "exchange", EXCHANGES, "exact") == "exact"
         self._patience = whole_number(params, "patience", 0, least=0)
         self._log_every = whole_number(params, "log_beliefs_steps", 10, least=0)
-        self._exchange = Exchange(robot, len(graph.vertices), whole_number(params, "repeats", 1))
+        self._exchange = Exchange(robot, self._ways, whole_number(params, "repeats", 1))
         at = starts(graph, robot.team_size)
         self._known = Knowledge({number: Motion(vertex) for number, vertex in enumerate(at)})
         self._network: dict[int, Presence] = {}
@@ -112,34 +99,13 @@ class Reconnection:
         self._group: tuple[int, ...] = ()
         self._step = -1
 
-    def _new_member(self) -> Member:
-        robot, params = self._robot, self._robot.params
-        draws = Draws.of_key(int(robot.rng.integers(2**63)))
-        count = whole_number(params, "tasks", 0, least=0)
-        longest = whole_number(params, "task_steps", 10)
-        tasks = drawn_tasks(draws, len(self._graph.vertices), count, longest)
-        random_steps = whole_number(params, "random_steps", 50, least=0)
-        return Member(self._ways, _start_of(robot, self._graph), draws, random_steps, tasks)
-
-    def _expectation(self) -> Expectation:
-        params = self._robot.params
-        holding = choice(params, "holding", HOLDINGS, "uniform")
-        cooperative = walk_model(self._graph, self._ways, holding=holding)
-        half = not_negative(params, "half_steps", 0.0)
-        if half == 0:
-            return Expectation(cooperative)
-        longest = whole_number(params, "task_steps", 10)
-        dwell = dict.fromkeys(range(len(self._graph.vertices)), [1.0 / longest] * longest)
-        return Expectation(
-            cooperative, walk_model(self._graph, self._ways, holding=holding, dwell=dwell), half
-        )
-
     async def take(self, step: Step) -> None:
         """One step."""
         for _ in range(step.index - max(self._step, 0)):
             self._member.advance()
         first, self._step = self._step < 0, step.index
         before = self._member.motion
+        self._check_arrival(before)
         self._exchange.begin(step.index)
         self._exchange.tell_presence(self._presence())
         await self._exchange.listen(step.start_ns + self._phase_ns)
@@ -152,6 +118,17 @@ class Reconnection:
         await self._decide(step)
         self._drive(before, step)
         self._log_step(len(former))
+
+    def _check_arrival(self, motion: Motion) -> None:
+        if not motion.free or motion.elapsed:
+            return
+        x_m, y_m = self._graph.vertices[motion.place]
+        pose = self._robot.body.pose
+        if max(abs(x_m - pose.x_m), abs(y_m - pose.y_m)) > THERE_M:
+            raise ParameterError(
+                f"world.motion.max_speed_mps: {self._robot.id} comes too late to vertex {motion.place}; "
+                "set more, or more params.travel_steps"
+            )
 
     def _presence(self) -> Presence:
         robot, member = self._robot, self._member
@@ -189,7 +166,7 @@ class Reconnection:
             self._log_outcomes(outcomes)
         if len(tellers) > 1:
             if self._robot.number in tellers:
-                self._exchange.tell_facts(self._encoded(own))
+                self._exchange.tell_facts(facts.told(own, exact=self._exact))
             await self._exchange.listen(step.start_ns + 2 * self._phase_ns)
             factors = [told for teller in tellers if (told := self._told(teller, absent)) is not None]
         self._known, disjoint = merged(factors or [own], connected)
@@ -204,27 +181,16 @@ class Reconnection:
                 lowest.setdefault(presence.former, number)
         return list(lowest.values())
 
-    def _encoded(self, known: Knowledge) -> bytes:
-        put = encode_exactly if self._exact else encode_belief
-        facts = [Fact(robot, known.since[robot], put(belief)) for robot, belief in known.believed.items()]
-        return encode(Facts(facts))
-
     def _told(self, teller: int, absent: list[int]) -> Knowledge | None:
         """What a group knows, as everybody decodes it; None where it was not heard, or makes no sense."""
         raw = self._exchange.facts(teller)
         if raw is None:
             return None
-        states = self._expected.model.states
         try:
-            facts = decode_facts(raw).absent
-            believed = {fact.robot: decode_belief(states, fact.belief) for fact in facts}
-        except (MessageError, WireError) as error:
+            return facts.understood(raw, self._expected.model.states, absent)
+        except MessageError as error:
             self._robot.log("refused message", {"from": teller, "why": str(error)})
             return None
-        if list(believed) != absent:
-            self._robot.log("refused message", {"from": teller, "why": "tells of others than are absent"})
-            return None
-        return Knowledge({}, believed, {fact.robot: fact.since for fact in facts})
 
     async def _decide(self, step: Step) -> None:
         """Do what the group decides; its lowest number decides for it."""
@@ -245,8 +211,14 @@ class Reconnection:
             self._exchange.tell_decision(Decision(step.index, number, courses))
         await self._exchange.listen(step.start_ns + 3 * self._phase_ns)
         decision = self._exchange.decisions.get(present[0])
-        if decision is not None and number in decision.courses:
-            member.motion = decision.courses[number].motion()
+        if decision is None or number not in decision.courses:
+            return
+        motion = decision.courses[number].motion()
+        if follows(self._ways, member.motion, motion):
+            member.motion = motion
+        else:
+            why = f"has robot {number} do what it cannot"
+            self._robot.log("refused message", {"from": present[0], "why": why})
 
     def _planned(self, step: int, group: tuple[int, ...], changed: bool) -> Plan:
         motions = self._motions()
@@ -254,7 +226,7 @@ class Reconnection:
             {robot: motions[robot] for robot in group},
             targets_of(group, self._network, self._targets),
             self._known,
-            {robot: self._network[robot].ages for robot in group},
+            {robot: self._ages(robot) for robot in group},
             self._member.drawn(step),
             changed,
         )
@@ -269,6 +241,12 @@ class Reconnection:
             }
             self._robot.log("plan", entry)
         return plan
+
+    def _ages(self, robot: int) -> Ages:
+        """What a member told of where it has been; as if it had just been everywhere, where it did not."""
+        presence = self._network[robot]
+        start, end = self._ways.start[presence.course.place :][:2].tolist()
+        return presence.ages if len(presence.ages) == end - start else (0,) * (end - start)
 
     def _drive(self, before: Motion, step: Step) -> None:
         """Set out, or turn round, so as to be there in time."""
@@ -320,49 +298,3 @@ class Reconnection:
 
 def _unusual(outcomes: dict[int, Outcome]) -> list[tuple[int, str]]:
     return [(robot, outcome.name) for robot, outcome in outcomes.items() if outcome is not Outcome.usual]
-
-
-def _graph_of(robot: Robot) -> Graph:
-    if robot.graph is None:
-        raise ParameterError("world.graph: is missing; robots search on the vertices of a graph")
-    if robot.team_size > MOST_MEMBERS:
-        raise ParameterError(f"robots: {robot.team_size} are too many to search; set {MOST_MEMBERS} or less")
-    return robot.graph
-
-
-def _start_of(robot: Robot, graph: Graph) -> int:
-    pose = robot.body.pose
-    vertex = int(vertices_at(graph.vertices, np.array([[pose.x_m, pose.y_m]]))[0])
-    if vertex != starts(graph, robot.team_size)[robot.number]:
-        raise ParameterError(
-            f"world.placement: {robot.id} does not start where the graph has it; "
-            'set world.placement = "graph", and no position_m of its own'
-        )
-    return vertex
-
-
-def _phase_ns(robot: Robot, step_s: float) -> int:
-    phase_s = positive(robot.params, "phase_s", step_s / 10)
-    if 3 * phase_s > step_s / 2:
-        raise ParameterError(
-            f"params.phase_s: three phases of {phase_s:g} s take more than half of a step of {step_s:g} s; "
-            f"set {step_s / 6:g} or less"
-        )
-    return to_ns(phase_s)
-
-
-def _rules(robot: Robot) -> Rules:
-    params = robot.params
-    method = choice(params, "method", METHODS, "semi-markov")
-    miss = probability(params, "miss", 0.0)
-    if miss == 1:
-        raise ParameterError(
-            "params.miss: silence that proves nothing leaves nothing to plan; set less than 1"
-        )
-    return Rules(
-        method=next(each for each in METHODS if each == method),
-        horizon=whole_number(params, "horizon", 12),
-        deterministic=flag(params, "deterministic", False),
-        memory=whole_number(params, "memory", 10),
-        miss=miss,
-    )

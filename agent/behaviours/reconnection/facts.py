@@ -1,0 +1,31 @@
+"""What a group knows of robots that are absent, as it tells it to another group."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agent.behaviours.reconnection.knowledge import Knowledge
+from agent.behaviours.reconnection.messages import Fact, Facts, MessageError, decode_facts, encode
+from agent.behaviours.reconnection.wire import WireError
+from agent.behaviours.reconnection.wire import decode as decode_belief
+from agent.behaviours.reconnection.wire import encode as encode_belief
+from agent.behaviours.reconnection.wire import exact as encode_exactly
+
+
+def told(known: Knowledge, *, exact: bool) -> bytes:
+    """What is believed, to the last bit or rounded (`wire`)."""
+    put = encode_exactly if exact else encode_belief
+    facts = [Fact(robot, known.since[robot], put(belief)) for robot, belief in known.believed.items()]
+    return encode(Facts(facts))
+
+
+def understood(raw: bytes, states: int, absent: Sequence[int]) -> Knowledge:
+    """What another group believes, over so many states, of just these. Raises MessageError."""
+    facts = decode_facts(raw).absent
+    if [fact.robot for fact in facts] != list(absent):
+        raise MessageError("tells of others than are absent")
+    try:
+        believed = {fact.robot: decode_belief(states, fact.belief) for fact in facts}
+    except WireError as error:
+        raise MessageError(str(error)) from None
+    return Knowledge({}, believed, {fact.robot: fact.since for fact in facts})

@@ -1,0 +1,99 @@
+"""What the params of `reconnect` say, checked. All functions raise ParameterError for what makes no sense."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from agent.behaviours.reconnection.knowledge import Expectation
+from agent.behaviours.reconnection.member import Member, drawn_tasks
+from agent.behaviours.reconnection.messages import MOST_MEMBERS
+from agent.behaviours.reconnection.methods import METHODS, Rules
+from agent.behaviours.reconnection.model import HOLDINGS, Ways, walk_model
+from agent.parameters import (
+    ParameterError,
+    choice,
+    flag,
+    not_negative,
+    positive,
+    probability,
+    whole_number,
+)
+from agent.robot import Robot
+from channels.graphs import Graph, starts, vertices_at
+from channels.randomness import Draws
+from channels.units import to_ns
+
+
+def graph_of(robot: Robot) -> Graph:
+    """The world's graph."""
+    if robot.graph is None:
+        raise ParameterError("world.graph: is missing; robots search on the vertices of a graph")
+    if robot.team_size > MOST_MEMBERS:
+        raise ParameterError(f"robots: {robot.team_size} are too many to search; set {MOST_MEMBERS} or less")
+    return robot.graph
+
+
+def phase_ns_of(params: Mapping[str, Any], step_s: float) -> int:
+    """Length of a phase [ns]."""
+    phase_s = positive(params, "phase_s", step_s / 10)
+    if 3 * phase_s > step_s / 2:
+        raise ParameterError(
+            f"params.phase_s: three phases of {phase_s:g} s take more than half of a step of {step_s:g} s; "
+            f"set {step_s / 6:g} or less"
+        )
+    return to_ns(phase_s)
+
+
+def rules_of(params: Mapping[str, Any]) -> Rules:
+    """How groups decide."""
+    method = choice(params, "method", METHODS, "semi-markov")
+    miss = probability(params, "miss", 0.0)
+    if miss == 1:
+        raise ParameterError(
+            "params.miss: silence that proves nothing leaves nothing to plan; set less than 1"
+        )
+    return Rules(
+        method=next(each for each in METHODS if each == method),
+        horizon=whole_number(params, "horizon", 12),
+        deterministic=flag(params, "deterministic", False),
+        memory=whole_number(params, "memory", 10),
+        miss=miss,
+    )
+
+
+def expectation_of(params: Mapping[str, Any], graph: Graph, ways: Ways) -> Expectation:
+    """How others are expected to move."""
+    holding = choice(params, "holding", HOLDINGS, "uniform")
+    cooperative = walk_model(graph, ways, holding=holding)
+    half = not_negative(params, "half_steps", 0.0)
+    if half == 0:
+        return Expectation(cooperative)
+    longest = whole_number(params, "task_steps", 10)
+    dwell = dict.fromkeys(range(len(graph.vertices)), [1.0 / longest] * longest)
+    neutral = walk_model(graph, ways, holding=holding, dwell=dwell)
+    return Expectation(cooperative, neutral, half)
+
+
+def member_of(robot: Robot, graph: Graph, ways: Ways) -> Member:
+    """The robot as it begins. Draws from `robot.rng`."""
+    params = robot.params
+    draws = Draws.of_key(int(robot.rng.integers(2**63)))
+    count = whole_number(params, "tasks", 0, least=0)
+    longest = whole_number(params, "task_steps", 10)
+    tasks = drawn_tasks(draws, len(graph.vertices), count, longest)
+    random_steps = whole_number(params, "random_steps", 50, least=0)
+    return Member(ways, _start_of(robot, graph), draws, random_steps, tasks)
+
+
+def _start_of(robot: Robot, graph: Graph) -> int:
+    pose = robot.body.pose
+    vertex = int(vertices_at(graph.vertices, np.array([[pose.x_m, pose.y_m]]))[0])
+    if vertex != starts(graph, robot.team_size)[robot.number]:
+        raise ParameterError(
+            f"world.placement: {robot.id} does not start where the graph has it; "
+            'set world.placement = "graph", and no position_m of its own'
+        )
+    return vertex
