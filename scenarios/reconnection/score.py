@@ -44,8 +44,8 @@ def score_history(history: History) -> dict[str, Any]:
         "contacts": contacts(history, search),
         "agreement": agreement(history),
         "broken": broken(history, search),
-        "turned_back": sum(len(data["turned"]) for data in _decisions(history, found)),
-        "plans": plans(_decisions(history, found)),
+        "turned_back": sum(len(data["turned"]) for data in _decisions(search, history)),
+        "plans": plans(_decisions(search, history)),
         "beliefs": calibration(history),
         "merges": merges(history),
         "radio": bytes_sent(history),
@@ -84,9 +84,10 @@ def moves(history: History, search: Sequence[Moment]) -> dict[str, Any]:
     return {"per_robot": dict(zip(history.robots, count, strict=True)), "total": sum(count)}
 
 
-def _decisions(history: History, found: Moment | None) -> list[Mapping[str, Any]]:
-    entries = [data for _, _, data in history.entries[PLAN]]
-    return [data for data in entries if found is None or data["step"] < found.step]
+def _decisions(search: Sequence[Moment], history: History) -> list[Mapping[str, Any]]:
+    """All but those of the last step, which nothing followed."""
+    end = search[-1].step if search else 0
+    return [data for _, _, data in history.entries[PLAN] if data["step"] < end]
 
 
 def plans(decisions: Iterable[Mapping[str, Any]]) -> dict[str, Any] | None:

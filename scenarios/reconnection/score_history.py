@@ -12,7 +12,7 @@ from msgspec import MsgspecError, Struct, convert, msgpack
 from agent.behaviours.reconnection.model import Bools
 from agent.behaviours.reconnection.team import networks
 from channels.graphs import hearing
-from channels.units import NS_PER_S
+from channels.units import NS_PER_S, to_ns
 from emulator.graphs import GraphSettings, graph_of
 from logs.reader import LogReader
 from scenarios.dissemination.knowledge import read as read_run
@@ -42,7 +42,7 @@ class Moment(Struct, frozen=True):
     places: tuple[int, ...]
     """The vertex that each robot really communicated from."""
     alive: tuple[int, ...]
-    """Whose behaviour had not returned."""
+    """Whose behaviour had not returned when the step began."""
 
     @property
     def searching(self) -> tuple[int, ...]:
@@ -112,6 +112,7 @@ def read(log: LogReader) -> History:
         times_ns.setdefault(data["step"], time_ns)
         told.setdefault(data["step"], {})[robot] = data
     at = vertices(run.truth, run.settings["world"]["motion"], graph, times_ns.values())
+    step_ns = to_ns(run.params.get("step_s", 1.0))
     dead = [robot for robot, end_ns in enumerate(run.ended_ns) if end_ns < run.end_ns]
     moments = [
         Moment(
@@ -119,7 +120,9 @@ def read(log: LogReader) -> History:
             time_ns=time_ns,
             told=dict(sorted(told[step].items())),
             places=tuple(places.tolist()),
-            alive=tuple(i for i in range(len(run.robots)) if i not in dead or run.ended_ns[i] > time_ns),
+            alive=tuple(
+                i for i in range(len(run.robots)) if i not in dead or run.ended_ns[i] > step * step_ns
+            ),
         )
         for (step, time_ns), places in zip(times_ns.items(), at, strict=True)
     ]

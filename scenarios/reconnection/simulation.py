@@ -30,7 +30,8 @@ class Course(Struct, frozen=True):
     connected: bool
     """Whether it ever was."""
     stuck: bool
-    """Whether it is proved that it never would be: a deterministic search that came back to where it was."""
+    """Whether it never would be: a deterministic search that came back to where it was, and to what it
+    believed, to nine digits: beliefs that go round approach a cycle, and need not reach it to the last bit."""
     moves: int
     """How often robots have come to another vertex while searching."""
     turned: int
@@ -58,6 +59,8 @@ class Loss(Struct, frozen=True):
         """Whether these two, the lower number first, miss each other at this step."""
         return bool(self.draws.uniform(step, one, other) < self.probability)
 
+
+_DIGITS = 9
 
 Watch = Callable[[int, "Search"], None]
 
@@ -122,7 +125,7 @@ class Search:
             step += 1
 
     def _skipped(self, most: int) -> int:
-        """Less than so many steps, in which nothing happens but that robots come nearer: how many these are."""
+        """How many steps, fewer than `most`, were skipped, in which robots only come nearer to where they go."""
         motions = [member.motion for member in self.members]
         if self._believes or self._loss is not None or any(motion.free for motion in motions):
             return 0
@@ -139,6 +142,7 @@ class Search:
 
     def _meet(self, step: int) -> None:
         """Who is connected now, and what they know together."""
+        self._expected.begin(step)
         first = not self.groups
         places = [member.motion.place for member in self.members]
         if places != self._places or self._loss is not None:
@@ -146,12 +150,13 @@ class Search:
             self.groups = self._networks(step, places)
             if self.groups != before:
                 self._count["broken"] += sum(not _within(each, self.groups) for each in self._subgroups)
-        if first or not self._believes:  # where everybody starts, everybody knows
+        if not self._believes:
             return
         motions = [member.motion for member in self.members]
         known = list(self.known)
         for group in self.groups:
-            together = self._learnt(group, motions)
+            # Where everybody starts, everybody knows; but each group by itself.
+            together = Knowledge(dict(enumerate(motions))) if first else self._learnt(group, motions)
             for robot in group:
                 known[robot] = together
         self.known = known
@@ -245,7 +250,7 @@ class Search:
         digest = hashlib.blake2b(repr((motions, self.groups, self._subgroups)).encode(), digest_size=16)
         for group in self.groups:
             for belief in self.known[group[0]].believed.values():
-                digest.update(belief.tobytes())
+                digest.update(belief.round(_DIGITS).tobytes())
         return digest.digest()
 
     def _course(self, steps: int, connected: bool, stuck: bool) -> Course:

@@ -16,7 +16,7 @@ from agent.behaviours.reconnection.member import Member, drawn_tasks
 from agent.behaviours.reconnection.methods import Method, Rules
 from agent.behaviours.reconnection.model import Ways, walk_model, ways_of
 from agent.behaviours.reconnection.planner import BUDGET, WIDTH
-from agent.behaviours.reconnection.team import everybody, upwards
+from agent.behaviours.reconnection.team import everybody, sinks, upwards
 from channels.graphs import Graph, hearing
 from channels.graphs import starts as starts_of
 from channels.randomness import Draws
@@ -215,13 +215,15 @@ def _members(parameters: ReconnectionParameters, graph: Graph, ways: Ways, seed:
 
 def _expected(parameters: ReconnectionParameters, graph: Graph, ways: Ways) -> Expectation:
     model = walk_model(graph, ways, holding=parameters.holding)
+    # Whoever searches for nobody stands, once it has nothing else to do: a rule that everybody knows.
+    still = sinks(TARGETS[parameters.targets](parameters.robots)) if not parameters.tasks else frozenset()
     if not parameters.half:
-        return Expectation(model)
+        return Expectation(model, still=still, still_from=parameters.random_steps)
     # Anything from one step to the longest task, everywhere.
     dwell = np.full(parameters.task_steps, 1.0 / parameters.task_steps)
     everywhere = dict.fromkeys(range(len(graph.vertices)), dwell)
     neutral = walk_model(graph, ways, holding=parameters.holding, dwell=everywhere)
-    return Expectation(model, neutral, parameters.half)
+    return Expectation(model, neutral, parameters.half, still=still, still_from=parameters.random_steps)
 
 
 # --- many ----------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ is merged, one factor for each (`merged`); those who are connected are known exa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,19 +15,30 @@ import numpy as np
 from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection.belief import Outcome
 from agent.behaviours.reconnection.mixture import aligned, blended, willingness
-from agent.behaviours.reconnection.model import Bools, Floats, Model, Ways
+from agent.behaviours.reconnection.model import Bools, Floats, Model, Ways, standing
 from agent.behaviours.reconnection.team import Motion, way_between
 
 
 class Expectation:
     """How others are expected to move: a model, or two for robots that may be cooperative or neutral.
 
-    `half`: after how many steps without contact a robot cooperates with probability 1/2 (`mixture`). Raises
-    ValueError where two models need one, or are of different graphs.
+    `half`: after how many steps without contact a robot cooperates with probability 1/2 (`mixture`).
+    `still`: robots that search for nobody, and from step `still_from` on stay at the vertex they are at or
+    come to. Raises ValueError where two models need one, or are of different graphs.
     """
 
-    def __init__(self, cooperative: Model, neutral: Model | None = None, half: float = 0.0) -> None:
+    def __init__(
+        self,
+        cooperative: Model,
+        neutral: Model | None = None,
+        half: float = 0.0,
+        *,
+        still: Collection[int] = (),
+        still_from: int = 0,
+    ) -> None:
         self._half = half
+        self._still, self._still_from = still, still_from
+        self._step = 0
         self._blends: dict[int, Model] = {}
         self._neutral: Model | None = None
         self._cooperative = cooperative
@@ -35,22 +46,33 @@ class Expectation:
             if not half > 0:
                 raise ValueError(f"half: must be more than 0 steps, is {half}")
             self._cooperative, self._neutral = aligned(cooperative, neutral)
+        self._standing = standing(self._cooperative) if still else self._cooperative
+
+    def begin(self, step: int) -> None:
+        """A new step, which all that is asked from now on is about."""
+        self._step = step
 
     @property
     def model(self) -> Model:
         """What numbers the states."""
         return self._cooperative
 
-    def stepped(self, heard: Bools, belief: Floats, miss: float, since: int) -> tuple[Floats, Outcome]:
-        """One step later, and not heard (Eq. 7); `since`: steps since the last contact."""
+    def stepped(
+        self, heard: Bools, belief: Floats, miss: float, since: int, robot: int = -1
+    ) -> tuple[Floats, Outcome]:
+        """From the step before to this one, and not heard (Eq. 7); `since`: steps since the last contact."""
+        if robot in self._still and self._step > self._still_from:
+            return beliefs.step(self._standing, heard, belief, miss)
         if self._neutral is None:
             return beliefs.step(self._cooperative, heard, belief, miss)
         c = willingness(since, self._half)
         after = beliefs.advanced_mixture(self._cooperative, self._neutral, c, belief)
         return beliefs.observed(self._cooperative, heard, after, miss)
 
-    def planned(self, since: int) -> Model:
+    def planned(self, since: int, robot: int = -1) -> Model:
         """One model to plan with: for two, blended by a c rounded to tenths, so that few are made."""
+        if robot in self._still and self._step >= self._still_from:
+            return self._standing
         if self._neutral is None:
             return self._cooperative
         tenths = round(10 * willingness(since, self._half))
@@ -85,7 +107,7 @@ class Knowledge:
         for robot in absent:
             since = self.since.get(robot, 0) + 1
             vector = self.vector(expected.model, ways, robot)
-            after.believed[robot], outcomes[robot] = expected.stepped(heard, vector, miss, since)
+            after.believed[robot], outcomes[robot] = expected.stepped(heard, vector, miss, since, robot)
             after.since[robot] = since
         return after, outcomes
 

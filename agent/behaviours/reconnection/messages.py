@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Annotated, TypeAlias
 
-import msgspec
 from msgspec import Meta, Struct, msgpack
 
 from agent.behaviours.reconnection.model import Ways
@@ -106,7 +105,7 @@ def decode(raw: bytes, members: int, ways: Ways) -> Message:
     """A message of a team of so many, in an environment of these ways. Raises MessageError."""
     try:
         message: Message = _messages.decode(raw)
-    except msgspec.MsgspecError as error:
+    except ValueError as error:  # msgspec's errors, and that of text that is no UTF-8
         raise MessageError(str(error)) from None
     if isinstance(message, Presences):
         numbers = [number for each in message.robots for number in (each.number, *each.former)]
@@ -153,6 +152,6 @@ def decode_facts(raw: bytes) -> Facts:
     """What a group knows. Raises MessageError."""
     try:
         facts: Facts = _facts.decode(raw)
-    except msgspec.MsgspecError as error:
+    except ValueError as error:  # msgspec's errors, and that of text that is no UTF-8
         raise MessageError(str(error)) from None
     return facts

@@ -107,7 +107,7 @@ class Planner:
     ) -> tuple[Ints, float, bool, int]:
         rules = self._rules
         slack, u = (0.0, 0.0) if rules.deterministic else (SLACK, u)
-        ground, models = self._ground([knowledge.since.get(robot, 0) for robot in targets])
+        ground, models = self._ground([(knowledge.since.get(robot, 0), robot) for robot in targets])
         vectors = [
             knowledge.vector(model, self._ways, robot) for model, robot in zip(models, targets, strict=True)
         ]
@@ -129,8 +129,8 @@ class Planner:
         moves = plan.moves[choose(plan.values, slack, u)]
         return moves, float(plan.values.max()), plan.proven, plan.nodes
 
-    def _ground(self, since: Sequence[int]) -> tuple[Ground, list[Model]]:
-        models = [self._expected.planned(steps) for steps in since]
+    def _ground(self, targets: Sequence[tuple[int, int]]) -> tuple[Ground, list[Model]]:
+        models = [self._expected.planned(since, robot) for since, robot in targets]
         key = tuple(map(id, models))
         if key not in self._grounds:
             self._grounds[key] = ground_of(self._ways, self._hearing, models), models

@@ -118,6 +118,16 @@ def walk_model(
     return _semi_markov(ways, [*at, *_on_ways(ways, holding, spread)], _next_way(ways, mu))
 
 
+def standing(model: Model) -> Model:
+    """A robot that stays at the vertex that it is at, or on the way to; with the states of another model."""
+    degrees = np.diff(model.next_start[: model.vertices + 1])
+    after = model.next_at.copy()
+    after[: model.next_start[model.vertices]] = np.repeat(np.arange(model.vertices), degrees)
+    return Model(
+        model.vertices, model.first, model.place, model.hazard, model.next_start, after, model.next_mu
+    )
+
+
 def uniform(steps: int, spread: float = 0.5) -> Floats:
     """Every whole number of steps from (1 - spread) to (1 + spread) times the usual is equally likely.
 

@@ -84,9 +84,9 @@ class Reconnection:
         self._ways, self._hearing = ways_of(graph, positive(params, "travel_steps", 2.0)), hearing(graph)
         self._rules = rules_of(params)
         self._believes = self._rules.method == "semi-markov"
-        self._expected = expectation_of(params, graph, self._ways)
-        self._planner = Planner(self._ways, self._hearing, self._expected, self._rules)
         self._targets = TARGETS[choice(params, "targets", tuple(TARGETS), "all")](robot.team_size)
+        self._expected = expectation_of(params, graph, self._ways, self._targets)
+        self._planner = Planner(self._ways, self._hearing, self._expected, self._rules)
         self._member = member_of(robot, graph, self._ways)
         self._exact = choice(params, "exchange", EXCHANGES, "exact") == "exact"
         self._patience = whole_number(params, "patience", 0, least=0)
@@ -104,6 +104,7 @@ class Reconnection:
         for _ in range(step.index - max(self._step, 0)):
             self._member.advance()
         first, self._step = self._step < 0, step.index
+        self._expected.begin(step.index)
         before = self._member.motion
         self._check_arrival(before)
         self._exchange.begin(step.index)

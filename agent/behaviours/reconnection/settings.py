@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from agent.behaviours.reconnection.member import Member, drawn_tasks
 from agent.behaviours.reconnection.messages import MOST_MEMBERS
 from agent.behaviours.reconnection.methods import METHODS, Rules
 from agent.behaviours.reconnection.model import HOLDINGS, Ways, walk_model
+from agent.behaviours.reconnection.team import sinks
 from agent.parameters import (
     ParameterError,
     choice,
@@ -64,17 +65,23 @@ def rules_of(params: Mapping[str, Any]) -> Rules:
     )
 
 
-def expectation_of(params: Mapping[str, Any], graph: Graph, ways: Ways) -> Expectation:
+def expectation_of(
+    params: Mapping[str, Any], graph: Graph, ways: Ways, targets: Sequence[Sequence[int]]
+) -> Expectation:
     """How others are expected to move."""
+    # Whoever searches for nobody stands, once it has nothing else to do: a rule that everybody knows.
+    tasks = whole_number(params, "tasks", 0, least=0)
+    still = frozenset() if tasks else sinks(targets)
+    since = whole_number(params, "random_steps", 50, least=0)
     holding = choice(params, "holding", HOLDINGS, "uniform")
     cooperative = walk_model(graph, ways, holding=holding)
     half = not_negative(params, "half_steps", 0.0)
     if half == 0:
-        return Expectation(cooperative)
+        return Expectation(cooperative, still=still, still_from=since)
     longest = whole_number(params, "task_steps", 10)
     dwell = dict.fromkeys(range(len(graph.vertices)), [1.0 / longest] * longest)
     neutral = walk_model(graph, ways, holding=holding, dwell=dwell)
-    return Expectation(cooperative, neutral, half)
+    return Expectation(cooperative, neutral, half, still=still, still_from=since)
 
 
 def member_of(robot: Robot, graph: Graph, ways: Ways) -> Member:

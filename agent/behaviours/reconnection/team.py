@@ -118,6 +118,11 @@ def upwards(robots: int) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(range(i + 1, robots)) for i in range(robots))
 
 
+def sinks(targets: Sequence[Sequence[int]]) -> frozenset[int]:
+    """Who searches for nobody, and stays where it is."""
+    return frozenset(robot for robot, found in enumerate(targets) if not found)
+
+
 def check_targets(targets: Sequence[Sequence[int]]) -> None:
     """Raises ValueError where a target graph does not rule out livelock (sec. II.C).
 
