@@ -87,7 +87,7 @@ def make_parts(
         clocks=_clocks(scenario, robots),
         recorder=recorder,
         duration_ns=to_ns(scenario.run.duration_s),
-        stop=StopRule(stop.entry, stop.field) if stop is not None else None,
+        stop=StopRule(stop.entry, stop.field, stop.of == "running") if stop is not None else None,
         scene_rate_hz=scenario.record.scene_rate_hz,
         max_payload_bytes=payload_limit(scenario.radio),
         colours=scenario.lamp.colours,

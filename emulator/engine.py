@@ -97,7 +97,11 @@ class Engine:
         self.progress.ended_by = "all robots ended"
 
     def _is_over(self) -> bool:
-        if self._parts.stop is None or len(self._fulfilled) < len(self._parts.robots):
+        stop = self._parts.stop
+        if stop is None:
+            return False
+        needed = self._running if stop.running_only else range(len(self._parts.robots))
+        if not needed or not self._fulfilled.issuperset(needed):
             return False
         self.progress.ended_by = "stop rule"
         return True

@@ -21,6 +21,8 @@ class StopRule:
 
     entry: str
     field: str
+    running_only: bool = False
+    """Robots whose behaviour has ended need not have."""
 
 
 @dataclass

@@ -64,10 +64,12 @@ Motion = StaticMotion | BounceMotion | CommandedMotion
 
 
 class StopSettings(Struct, frozen=True, forbid_unknown_fields=True):
-    """End the run once every robot has logged an entry of this name whose field is true."""
+    """End the run once robots have logged an entry of this name whose field is true."""
 
     entry: Name
     field: Name
+    of: Literal["all", "running"] = "all"
+    """Which robots: every one, or every one whose behaviour has not ended."""
 
 
 class RunSettings(Struct, frozen=True, forbid_unknown_fields=True):

@@ -132,7 +132,7 @@ def _scored(log: LogReader) -> dict[str, Any]:
 
 
 def summarise(parameters: EmulatedParameters, partials: Sequence[list[EmulatedRun]]) -> dict[str, Any]:
-    """As of study `reconnection`: `steps`, `times`, `seeds`, `censored`, `moves`, `turned`, `broken`, `samples`.
+    """As of `reconnection`: `steps`, `times`, `seeds`, `censored`, `moves`, `turned`, `broken`, `samples`.
 
     And `bytes_per_robot_and_step` (payload: `mean`, `se`); `same`: how many runs the simulation does in just
     as many steps, moves and turnings back; None unless `compare`.

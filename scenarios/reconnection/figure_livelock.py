@@ -26,7 +26,7 @@ CASES = {
 
 COLUMNS = ("kind", "case", "steps", "share", "low", "high", "count", "stuck", "runs")
 """Kinds of rows: `share` of the runs of a case that did not end before the limit, with Wilson's interval
-(95 %), how many these are (`count`), and of how many it was proved that they never would (`stuck`);
+(95 %), how many these are (`count`), and how many of them came back to where they had been (`stuck`);
 `left`: the share of runs that had not ended at `steps`, from there to the next."""
 
 
@@ -83,7 +83,7 @@ def _draw_shares(axes: Axes, shares: Table) -> None:
         places, high, *(shares.column(name) for name in ("stuck", "count", "runs")), strict=True
     ):
         axes.annotate(
-            f"{count} of {runs}\n{stuck} proved", (place, top), fontsize=7, ha="center", va="bottom"
+            f"{count} of {runs}\n{stuck} in circles", (place, top), fontsize=7, ha="center", va="bottom"
         )
     axes.set_ylim(0, 1.25 * float(high.max()))
     axes.set_xticks([])

@@ -31,7 +31,7 @@ class Course(Struct, frozen=True):
     """Whether it ever was."""
     stuck: bool
     """Whether it never would be: a deterministic search that came back to where it was, and to what it
-    believed, to nine digits: beliefs that go round approach a cycle, and need not reach it to the last bit."""
+    believed, to nine digits. Beliefs that go round approach a cycle, and may never reach its last bits."""
     moves: int
     """How often robots have come to another vertex while searching."""
     turned: int
@@ -125,7 +125,7 @@ class Search:
             step += 1
 
     def _skipped(self, most: int) -> int:
-        """How many steps, fewer than `most`, were skipped, in which robots only come nearer to where they go."""
+        """How many steps, fewer than `most`, are skipped: robots only come nearer to where they go."""
         motions = [member.motion for member in self.members]
         if self._believes or self._loss is not None or any(motion.free for motion in motions):
             return 0

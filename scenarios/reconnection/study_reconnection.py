@@ -235,8 +235,8 @@ def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]])
     - `steps`: `mean`, `sd`, `se` and `median` of them; `times`: each, in the order of the runs, and `seeds`:
       what makes each run what it is, the same for all parameters: runs can be compared one by one;
     - `censored`: how many did not end before the limit. They count with the limit among all of the above,
-      where nothing else does, which makes means lower bounds; `stuck`: how many of these were proved never to
-      end, and were not followed further;
+      where nothing else does, which makes means lower bounds; `stuck`: how many of these never would, since
+      they came back to where they had been, and were not followed further;
     - `moves` to another vertex, and how often a robot was `turned` back, by all robots of a run: `mean` and
       `se`;
     - `plans`: those that groups of two or more made (`teams`), and how many were `proven` best; None but for

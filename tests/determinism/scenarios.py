@@ -172,6 +172,33 @@ step_s = 0.5
 """
 
 
+def _reconnection(method: str, params: str = "", *, radio: str = "", more: str = "") -> str:
+    """A team that searches for itself."""
+    return f"""
+behaviour = "agent.behaviours.reconnection.reconnect:reconnect"
+score = "scenarios.reconnection.score:score"
+robots = 4
+[run]
+duration_s = 30.4
+[world]
+placement = "graph"
+motion = {{ kind = "commanded", max_speed_mps = 1.0 }}
+[world.graph]
+generator = "agent.behaviours.reconnection.environments:environment"
+args = {{ kind = "delaunay", vertices = 30 }}
+[radio]
+link = "graph"
+max_payload_bytes = 1500
+{radio}
+[params]
+method = "{method}"
+random_steps = 5
+log_beliefs_steps = 3
+{params}
+{more}
+"""
+
+
 SCENARIOS = {
     "lossy-jittery-radio": _COMMON
     + _CAMERA
@@ -349,4 +376,13 @@ placement = "jittered_grid"
 speed_mps = 6.0
 """,
     ),
+    "reconnection-by-beliefs": _reconnection("semi-markov"),
+    "reconnection-by-rounded-beliefs-on-a-bad-radio": _reconnection(
+        "semi-markov",
+        'exchange = "quantised"\nrepeats = 2\npatience = 2\nmiss = 0.2\nhalf_steps = 20.0\ntasks = 1',
+        radio="loss = 0.2\nbit_rate_bps = 1000000\nqueue = 100",
+        more="[clock]\ndrift_ppm = 50",
+    ),
+    "reconnection-persistent": _reconnection("persistent", "travel_steps = 1.5"),
+    "reconnection-at-random": _reconnection("random"),
 }

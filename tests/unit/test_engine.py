@@ -457,7 +457,10 @@ async def main(robot):
     assert outcome.progress.now_ns == end_ms * MS
 
 
-def test_stop_rule_waits_for_robots_that_never_fulfil_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("of", "why"), [('"all"', "duration"), ('"running"', "stop rule")])
+def test_stop_rule_waits_for_robots_that_have_ended_if_it_is_for_all(
+    of: str, why: str, tmp_path: Path
+) -> None:
     code = """
 import asyncio
 async def main(robot):
@@ -467,10 +470,11 @@ async def main(robot):
         await asyncio.sleep(0.1)
         robot.log("state", {"ready": True})
 """
-    rule = 'duration_s = 2.0\nstop = { entry = "state", field = "ready" }'
+    rule = f'duration_s = 2.0\nstop = {{ entry = "state", field = "ready", of = {of} }}'
     toml = TOML.format(radio="", more="", duration=2.0).replace("duration_s = 2.0", rule)
     outcome = run_scenario(write_scenario(tmp_path, code, toml), tmp_path / "log.mcap", "in_process")
-    assert outcome.progress.ended_by == "duration"
+    assert outcome.progress.ended_by == why
+    assert outcome.progress.now_ns == (2000 if why == "duration" else 100) * MS
 
 
 def test_messages_that_wait_for_their_slot_when_the_run_ends_are_counted(tmp_path: Path) -> None:

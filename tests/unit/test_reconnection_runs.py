@@ -103,7 +103,7 @@ async def main(robot):
 
 @pytest.mark.parametrize("method", ["semi-markov", "persistent"])
 def test_the_rest_find_each_other_when_the_planner_dies(tmp_path: Path, method: Any) -> None:
-    parameters = small(robots=4, method=method, vertices=60, random_steps=20, limit=110)
+    parameters = small(robots=4, method=method, vertices=60, random_steps=20, limit=60)
     dies_s = {"r00": 24.15}  # as others wait for what it decides
     history = emulated(tmp_path, parameters, 31, behaviour=MORTAL.format(dies=dies_s))
     before = next(moment for moment in history.moments if moment.step == 23)
@@ -154,7 +154,7 @@ async def main(robot):
 @pytest.mark.parametrize("method", ["semi-markov", "persistent"])
 def test_nothing_that_is_heard_stops_a_robot(tmp_path: Path, method: Any) -> None:
     everywhere = ("radio.link=disc", "radio.range_m=100", "params.patience=2")
-    parameters = small(robots=4, method=method, limit=30)
+    parameters = small(robots=4, method=method, limit=10)
     history = emulated(tmp_path, parameters, 3, *everywhere, behaviour=BABBLER)
     assert len(history.moments) == parameters.random_steps + parameters.limit + 1
     assert all(len(moment.told) == 3 for moment in history.moments)

@@ -16,10 +16,11 @@ per metre of way; `random_steps` (50); `horizon` (12); `deterministic` (false); 
 ("all" or "upwards"); `holding` ("uniform" or "normal"); `miss` (0.0); `tasks` (0) and `task_steps` (10), the
 longest; `half_steps` (0: others are cooperative); `exchange` ("exact" or "quantised", see `wire`);
 `step_s` (1.0), `phase_s` (0.1); `repeats` (1), how often all is told in each phase; `patience` (0), for how
-many steps a member that is not heard counts as being there; `log_beliefs_steps` (10; 0: never).
+many steps a member that is not heard counts as being there; `log_beliefs_steps` (10; 0: never); `enough`, how
+many robots are the whole team (0: all of them): less, where some are to die.
 
 Logs at every step `reconnection`: `step`, `place`, `towards` (-1: nowhere), `network` (numbers), `searching`,
-and `whole`: all are one network, and search. Planners log `plan`: see `methods.Plan`. The lowest number of a
+and `whole`: all (`enough`) are one network, and search. Planners log `plan`: see `methods.Plan`. The lowest number of a
 network logs `belief`: of each robot that is absent, its likely places; and `merge`: whose beliefs were merged
 (`of`), how many of these were `heard`, of whom they were `wrong`, and how (`belief.Outcome`). The lowest of
 those who were one network before logs `outcome`: of whom their beliefs were `wrong`.
@@ -91,6 +92,7 @@ class Reconnection:
         self._exact = choice(params, "exchange", EXCHANGES, "exact") == "exact"
         self._patience = whole_number(params, "patience", 0, least=0)
         self._log_every = whole_number(params, "log_beliefs_steps", 10, least=0)
+        self._enough = whole_number(params, "enough", 0, least=0) or robot.team_size
         self._exchange = Exchange(robot, self._ways, whole_number(params, "repeats", 1))
         at = starts(graph, robot.team_size)
         self._known = Knowledge({number: Motion(vertex) for number, vertex in enumerate(at)})
@@ -263,7 +265,7 @@ class Reconnection:
     def _log_step(self, former: int) -> None:
         motion = self._member.motion
         network = tuple(self._network)
-        whole = len(network) == self._robot.team_size and all(
+        whole = len(network) >= self._enough and all(
             presence.searching for presence in self._network.values()
         )
         entry: dict[str, Any] = {
