@@ -111,6 +111,8 @@ def _from_file(name: str, folder: Path) -> Graph:
         raise InvalidError(key, f"{name} cannot be read ({error.strerror}); name a JSON file") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InvalidError(key, f"{name} is not valid JSON ({error}); mend it") from None
+    except ValueError as error:  # of the name itself, such as a null byte
+        raise InvalidError(key, f"{name!r} is no name of a file ({error}); name a JSON file") from None
     if not isinstance(raw, dict):
         raise InvalidError(key, f'{name} must be an object, {{"vertices": [...], "edges": [...]}}')
     try:

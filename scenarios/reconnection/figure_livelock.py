@@ -60,7 +60,7 @@ def _left(times: list[int], parameters: ReconnectionParameters) -> Iterator[tupl
 
 def draw(table: Table, canvas: Canvas) -> None:
     """Who is left after so many steps; and for good."""
-    left, right = canvas.subplots(1, 2, width_ratios=(1.6, 1.0))
+    left, right = canvas.subplots(1, 2, width_ratios=(1.4, 1.0))
     for number, case in enumerate(CASES):
         curve = table.where(kind="left", case=case)
         left.step(np.maximum(curve.numbers("steps"), 1), curve.numbers("share"), where="post",
@@ -83,7 +83,7 @@ def _draw_shares(axes: Axes, shares: Table) -> None:
         places, high, *(shares.column(name) for name in ("stuck", "count", "runs")), strict=True
     ):
         axes.annotate(
-            f"{count} of {runs}\n{stuck} in circles", (place, top), fontsize=7, ha="center", va="bottom"
+            f"{count} of {runs}\n{stuck} stuck", (place, top), fontsize=7, ha="center", va="bottom"
         )
     axes.set_ylim(0, 1.25 * float(high.max()))
     axes.set_xticks([])

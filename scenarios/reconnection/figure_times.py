@@ -76,13 +76,16 @@ def draw(kind: Kind, table: Table, canvas: Canvas) -> None:
     axes = canvas.subplots()
     for method, look in LOOKS.items():
         _draw_method(axes, table.where(method=method), method, look)
-    axes.set_yscale("symlog", linthresh=1, linscale=0.3)
-    axes.set_ylim(bottom=0)
+    if table.where(kind="time", steps=0).rows:  # which logarithms cannot show
+        axes.set_yscale("symlog", linthresh=1, linscale=0.3)
+        axes.set_ylim(bottom=0)
+    else:
+        axes.set_yscale("log")
     axes.set_xticks(ROBOTS)
     axes.set_xlabel("robots")
     axes.set_ylabel("steps to reconnection")
     axes.set_title(f"{kind}: single runs, means, 95 % intervals", fontsize=10)
-    axes.legend(fontsize=8, loc="lower left", ncols=4)
+    canvas.legend(fontsize=8, loc="outside lower center", ncols=4)
 
 
 def _draw_method(axes: Axes, table: Table, method: str, look: Look) -> None:

@@ -30,8 +30,9 @@ class Course(Struct, frozen=True):
     connected: bool
     """Whether it ever was."""
     stuck: bool
-    """Whether it never would be: a deterministic search that came back to where it was, and to what it
-    believed, to nine digits. Beliefs that go round approach a cycle, and may never reach its last bits."""
+    """Whether it never would be: no group can move without breaking up (links that are no ways), or a
+    deterministic search came back to where it was, and to what it believed, to nine digits. Beliefs that go
+    round approach a cycle, and may never reach its last bits."""
     moves: int
     """How often robots have come to another vertex while searching."""
     turned: int
@@ -115,6 +116,8 @@ class Search:
             if done or stuck or searched >= limit:
                 return self._course(searched if done else limit, done, stuck)
             self._decide(step, random_steps)
+            if ready and self._loss is None and all(member.motion.free for member in self.members):
+                return self._course(limit, False, True)  # no group has a safe move, nor ever will
             if watch is None:
                 begins = step < random_steps
                 step += self._skipped((random_steps if begins else random_steps + limit) - step)

@@ -129,7 +129,7 @@ def check(parameters: ReconnectionParameters) -> None:
 def _check_starts(parameters: ReconnectionParameters, vertices: int) -> None:
     if parameters.starts is None:
         return
-    if not re.fullmatch(r"\s*\d{1,9}\s*(,\s*\d{1,9}\s*)*", parameters.starts, re.ASCII):
+    if not re.fullmatch(r"\s*(0|[1-9]\d{0,8})\s*(,\s*(0|[1-9]\d{0,8})\s*)*", parameters.starts, re.ASCII):
         raise ValueError(f"starts: {parameters.starts} are no vertices; write their numbers as 0,5")
     starts = _numbers(parameters.starts)
     if len(starts) != parameters.robots:
@@ -236,7 +236,7 @@ def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]])
       what makes each run what it is, the same for all parameters: runs can be compared one by one;
     - `censored`: how many did not end before the limit. They count with the limit among all of the above,
       where nothing else does, which makes means lower bounds; `stuck`: how many of these never would, since
-      they came back to where they had been, and were not followed further;
+      they came back to where they had been, or no group could move, and were not followed further;
     - `moves` to another vertex, and how often a robot was `turned` back, by all robots of a run: `mean` and
       `se`;
     - `plans`: those that groups of two or more made (`teams`), and how many were `proven` best; None but for

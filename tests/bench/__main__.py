@@ -11,9 +11,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from tests.bench.layout import spread
 from tests.bench.measure import environment, load_average
 from tests.bench.plan import FULL, QUICK, SPEED, Bench, Samples
-from tests.bench.report import TABLES, spread, tables
+from tests.bench.report import TABLES, tables
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -11,6 +11,7 @@ from tests.bench.bare import measure_bare
 from tests.bench.floor import Sizes, measure_floor
 from tests.bench.measure import Figures, SampleFailed, in_fresh_process, measure_speed
 from tests.bench.product import Workload, measure_product, measure_sizes, measure_startup, sizes_of
+from tests.bench.searches import measure_beliefs, measure_compiling, measure_search, measure_wider
 from tests.bench.studies import measure_studies
 
 TEAMS = (10, 30, 100)
@@ -20,6 +21,12 @@ SLOT_WORKLOADS: dict[Workload, int] = {"dissemination": 100, "dissemination-mixe
 SLOT_KINDS = ("slots", "slots in process", "slots, behaviour alone")
 TURNS_BESIDE = {100: 100, 9: 10}
 """By team with slots, the team that takes turns to be set beside it."""
+
+
+SEARCH_KINDS = ("gridholes", "delaunay-thinned", "delaunay")
+"""Environments of searches."""
+SEARCH_TEAMS = (2, 5)
+"""The smallest team; and one large enough for groups of four, and for four targets of one searcher."""
 
 
 @dataclass(frozen=True, order=True)
@@ -34,6 +41,8 @@ class Cell:
 
 
 STUDIES = Cell("studies", 20)
+BELIEFS = Cell("beliefs", 5)
+COMPILING = Cell("compiling", 2)
 SPEED = Cell("speed", 1)
 """Measured in every round, whatever else is: runs on different days are compared by it."""
 
@@ -50,6 +59,8 @@ class Effort:
     turns_duration_s: dict[int, float]
     slots_duration_s: dict[int, float]
     """Likewise, of scenarios with slots: 30 frames, or 10, of a hundred robots."""
+    searches: dict[int, int]
+    """How many, by size of team."""
 
 
 FULL = Effort(
@@ -59,6 +70,7 @@ FULL = Effort(
     duration_s={10: 240.0, 30: 120.0, 100: 60.0, 300: 60.0},
     turns_duration_s={10: 120.0, 30: 60.0, 100: 30.0},
     slots_duration_s={100: 1344.0, 9: 600.0},
+    searches={2: 10, 5: 5},
 )
 QUICK = Effort(
     rounds=1,
@@ -67,6 +79,7 @@ QUICK = Effort(
     duration_s={10: 60.0, 30: 30.0, 100: 20.0, 300: 12.0},
     turns_duration_s={10: 40.0, 30: 20.0, 100: 10.0},
     slots_duration_s={100: 448.0, 9: 200.0},
+    searches={2: 2, 5: 2},
 )
 
 
@@ -83,6 +96,12 @@ NEEDS: dict[str, list[Cell]] = {
     "slots": [
         *(Cell(kind, robots) for robots in SLOT_WORKLOADS.values() for kind in SLOT_KINDS),
         *(Cell("turns", robots) for robots in TURNS_BESIDE.values()),
+    ],
+    "reconnection": [
+        *(Cell(f"search, {kind}", robots) for kind in SEARCH_KINDS for robots in SEARCH_TEAMS),
+        *(Cell(f"wider, {kind}", max(SEARCH_TEAMS)) for kind in SEARCH_KINDS),
+        BELIEFS,
+        COMPILING,
     ],
     "studies": [STUDIES],
     "switches": [Cell("product", 30), Cell("floor", 30), Cell("bare", 30)],
@@ -152,6 +171,10 @@ class Bench:
 
     def _measure(self, cell: Cell) -> Figures:
         effort, robots = self._effort, cell.robots
+        kind, _, of = cell.kind.partition(", ")
+        if of in SEARCH_KINDS:
+            measured = measure_search if kind == "search" else measure_wider
+            return in_fresh_process(measured, of, robots, effort.searches[robots])
         match cell.kind:
             case "product":
                 return in_fresh_process(
@@ -177,6 +200,10 @@ class Bench:
                 return in_fresh_process(measure_startup, robots)
             case "studies":
                 return in_fresh_process(measure_studies)
+            case "beliefs":
+                return in_fresh_process(measure_beliefs)
+            case "compiling":
+                return in_fresh_process(measure_compiling)
             case "speed":
                 return in_fresh_process(measure_speed)
         raise ValueError(f"no cell is called {cell.kind}")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from statistics import median
 
+from tests.bench.layout import Row, spread, table
 from tests.bench.plan import LARGE_TEAM, SLOT_WORKLOADS, STUDIES, TEAMS, TURNS_BESIDE, Cell, Samples
+from tests.bench.report_searches import reconnection_table
 
 AIMS_OF_RATIO = {30: "<= 3", 100: "<= 4"}
 """Product over floor, by size of team."""
 AIM_IN_PROCESS = "< 100 us"
-
-Row = Sequence[str]
 
 
 def tables(samples: Samples, names: Sequence[str]) -> str:
@@ -53,8 +52,8 @@ def activation_table(samples: Samples) -> str:
     ]
     return "\n\n".join(
         [
-            _table("Cost per activation, all robots due at every instant", head, dense),
-            _table("Cost per activation, one robot due at every instant", head, turns),
+            table("Cost per activation, all robots due at every instant", head, dense),
+            table("Cost per activation, one robot due at every instant", head, turns),
             _sizes_table(samples),
         ]
     )
@@ -79,14 +78,14 @@ def _sizes_table(samples: Samples) -> str:
         for cell, sizes in sorted(samples.sizes.items(), key=lambda item: (item[0].kind, item[0].robots))
     ]
     head = ["robots", "workload", "grant bytes", "report bytes"]
-    return _table("Mean length of messages, from runs of the product; the floor's are as long", head, rows)
+    return table("Mean length of messages, from runs of the product; the floor's are as long", head, rows)
 
 
 def realtime_table(samples: Samples) -> str:
     """Virtual over wall-clock seconds."""
     cell = Cell("product", 100)
     rows = [["100", spread(samples.values(cell, "realtime")), "60"]]
-    return _table(
+    return table(
         "Virtual over wall-clock time, steps of 0.5 s, all recorded",
         ["robots", "times real time", "aim"],
         rows,
@@ -106,7 +105,7 @@ def startup_table(samples: Samples) -> str:
     rows = [
         ["100", label, spread(samples.values(cell, name), digits), aim] for label, name, digits, aim in what
     ]
-    return _table("Start-up and memory, Zenoh fleet", ["robots", "", "", "aim"], rows)
+    return table("Start-up and memory, Zenoh fleet", ["robots", "", "", "aim"], rows)
 
 
 def recording_table(samples: Samples) -> str:
@@ -118,7 +117,7 @@ def recording_table(samples: Samples) -> str:
         shares = [spread([100 * value for value in samples.values(cell, name)]) for name in names]
         rows.append([str(robots), *shares, spread(samples.values(cell, "log_bytes"), 0), "< 15"])
     head = ["robots", "% of wall time", "its CPU, % of wall time", "log bytes per activation", "aim %"]
-    return _table("Share of a run spent recording, Zenoh fleet", head, rows)
+    return table("Share of a run spent recording, Zenoh fleet", head, rows)
 
 
 def scaling_table(samples: Samples) -> str:
@@ -129,7 +128,7 @@ def scaling_table(samples: Samples) -> str:
         costs = [spread(samples.values(cell, name)) for cell in (small, large)]
         rows.append([label, *costs, spread(samples.ratios(large, name, small, name), 2)])
     head = ["per activation", "30 robots", f"{LARGE_TEAM} robots", "ratio"]
-    return _table("Growth with the team at equal density, Zenoh fleet", head, rows)
+    return table("Growth with the team at equal density, Zenoh fleet", head, rows)
 
 
 def slots_table(samples: Samples) -> str:
@@ -160,7 +159,7 @@ def slots_table(samples: Samples) -> str:
         "recording's CPU, % of wall time",
     ]
     return "\n\n".join(
-        [_table("Cost per slot, one robot due at every instant", head, rows), _behaviour_table(samples)]
+        [table("Cost per slot, one robot due at every instant", head, rows), _behaviour_table(samples)]
     )
 
 
@@ -174,7 +173,7 @@ def _behaviour_table(samples: Samples) -> str:
         ]
         rows.append([workload, *(spread([100 * share for share in column]) for column in shares)])
     head = ["", "% of the slot in process", "% of the product's slot"]
-    return _table("The behaviour alone: table, distances, selection, packets; CPU", head, rows)
+    return table("The behaviour alone: table, distances, selection, packets; CPU", head, rows)
 
 
 def switches_table(samples: Samples) -> str:
@@ -185,7 +184,7 @@ def switches_table(samples: Samples) -> str:
         for label, kind in (("product", "product"), ("bare Zenoh fleet", "bare"), ("floor", "floor"))
     ]
     head = ["", "robots voluntary", "robots involuntary", "broker voluntary", "broker involuntary"]
-    return _table("Context switches per activation, 30 robots, all due", head, rows)
+    return table("Context switches per activation, 30 robots, all due", head, rows)
 
 
 def studies_table(samples: Samples) -> str:
@@ -204,24 +203,7 @@ def studies_table(samples: Samples) -> str:
         ratio = spread(samples.ratios(STUDIES, f"{name}_class_us", STUDIES, f"{name}_us"), 0)
         rows.append([label, *costs, ratio])
     head = ["", "class, CPU us", "study, CPU us", "ratio"]
-    return _table("Monte Carlo studies beside the classes that robots run", head, rows)
-
-
-def spread(values: Sequence[float], digits: int = 1) -> str:
-    """Median, and range where there is one."""
-    if not values:
-        return "-"
-    middle = f"{median(values):.{digits}f}"
-    return middle if len(values) == 1 else f"{middle} ({min(values):.{digits}f}-{max(values):.{digits}f})"
-
-
-def _table(title: str, head: Row, rows: Sequence[Row]) -> str:
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    lines = [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
-        for row in (head, *rows)
-    ]
-    return "\n".join([title, *(f"  {line}".rstrip() for line in lines)])
+    return table("Monte Carlo studies beside the classes that robots run", head, rows)
 
 
 TABLES: dict[str, Callable[[Samples], str]] = {
@@ -229,6 +211,7 @@ TABLES: dict[str, Callable[[Samples], str]] = {
     "realtime": realtime_table,
     "startup": startup_table,
     "recording": recording_table,
+    "reconnection": reconnection_table,
     "scaling": scaling_table,
     "slots": slots_table,
     "switches": switches_table,

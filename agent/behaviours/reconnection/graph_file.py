@@ -46,6 +46,8 @@ def read_graph(path: str | Path) -> Graph:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: is not a graph in JSON ({error})") from None
+    except ValueError as error:  # of the name itself, such as a null byte
+        raise ValueError(f"{str(path)!r}: is no name of a file ({error})") from None
     try:
         graph = _graph(raw)
         check(graph)

@@ -98,6 +98,7 @@ class Reconnection:
         self._known = Knowledge({number: Motion(vertex) for number, vertex in enumerate(at)})
         self._network: dict[int, Presence] = {}
         self._missing: dict[int, int] = {}
+        self._decided: dict[int, Course] = {}
         self._group: tuple[int, ...] = ()
         self._step = -1
 
@@ -148,7 +149,8 @@ class Reconnection:
         for number, presence in self._network.items():
             count = self._missing.get(number, 0) + 1
             if number not in heard and count <= self._patience:
-                course = Course(*moved(presence.course.motion()))
+                # What it told was where it is, before the group decided where it goes.
+                course = Course(*moved(self._decided.get(number, presence.course).motion()))
                 heard[number] = Presence(number, course, presence.searching, presence.former)
                 missing[number] = count
         self._missing = missing
@@ -198,6 +200,7 @@ class Reconnection:
     async def _decide(self, step: Step) -> None:
         """Do what the group decides; its lowest number decides for it."""
         number, member = self._robot.number, self._member
+        self._decided = {}
         if not member.searching(step.index):
             self._group = ()
             return
@@ -211,11 +214,13 @@ class Reconnection:
             if len(group) == 1:
                 return
             courses = {robot: Course(*motion) for robot, motion in plan.motions.items()}
+            self._decided = courses
             self._exchange.tell_decision(Decision(step.index, number, courses))
         await self._exchange.listen(step.start_ns + 3 * self._phase_ns)
         decision = self._exchange.decisions.get(present[0])
         if decision is None or number not in decision.courses:
             return
+        self._decided = decision.courses
         motion = decision.courses[number].motion()
         if follows(self._ways, member.motion, motion):
             member.motion = motion
