@@ -82,9 +82,7 @@ def _draw_shares(axes: Axes, shares: Table) -> None:
     for place, top, stuck, count, runs in zip(
         places, high, *(shares.column(name) for name in ("stuck", "count", "runs")), strict=True
     ):
-        axes.annotate(
-            f"{count} of {runs}\n{stuck} stuck", (place, top), fontsize=7, ha="center", va="bottom"
-        )
+        axes.annotate(f"{count} of {runs}\n{stuck} stuck", (place, top), fontsize=7, ha="center", va="bottom")
     axes.set_ylim(0, 1.25 * float(high.max()))
     axes.set_xticks([])
     axes.set_ylabel("not ended before the limit [%]")

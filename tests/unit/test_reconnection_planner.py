@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -83,6 +84,15 @@ def planned(case: Case, team: list[Member], **options: float) -> TeamPlan:
     return plan_team(case.ground, case.beliefs, *arrays(team), case.horizon, **options)  # type: ignore[arg-type]
 
 
+@cache
+def tried_out(seed: int, members: int, longest: int) -> tuple[Case, list[Member], dict[Decision, float]]:
+    """A small case, a team, and the values of its first decisions by trying, which takes by far the longest."""
+    generator = np.random.default_rng(seed)
+    case = small_case(generator, 6, longest)
+    team = random_team(generator, case, members)
+    return case, team, by_trying(case, team)
+
+
 def by_trying(case: Case, team: list[Member]) -> dict[Decision, float]:
     targets = targets_of(case.models, case.beliefs)
     return best_joint(case.ways, targets, case.heard, team, case.horizon, case.miss)
@@ -124,10 +134,7 @@ def test_the_best_path_is_worth_what_is_said() -> None:
 @pytest.mark.parametrize(("members", "cases", "longest"), [(1, 15, 8), (2, 30, 7), (3, 12, 5)])
 def test_a_group_finds_what_trying_all_joint_plans_finds(members: int, cases: int, longest: int) -> None:
     for seed in range(cases):
-        generator = np.random.default_rng(seed)
-        case = small_case(generator, 6, longest)
-        team = random_team(generator, case, members)
-        tried = by_trying(case, team)
+        case, team, tried = tried_out(seed, members, longest)
         plan = planned(case, team)
         best = max(tried.values())
         assert plan.proven
@@ -141,10 +148,8 @@ def test_a_group_finds_what_trying_all_joint_plans_finds(members: int, cases: in
 def test_a_search_that_has_dropped_nodes_says_how_far_it_may_be_from_the_best() -> None:
     unproven = worse = 0
     for seed in range(15):
-        generator = np.random.default_rng(seed)
-        case = small_case(generator, 6, 7)
-        team = random_team(generator, case, 2)
-        best = max(by_trying(case, team).values())
+        case, team, tried = tried_out(seed, 2, 7)
+        best = max(tried.values())
         plan = planned(case, team, width=1)
         assert plan.values.max() <= best + SAME
         assert plan.bound >= best - SAME
