@@ -17,6 +17,7 @@ from typing import Any
 import msgspec
 
 from agent.loading import BehaviourError, forget_user_modules, is_file, load_function
+from channels.graph_text import measured
 from channels.graphs import Graph, check
 from emulator.errors import InvalidError
 from emulator.graph_checks import check_obstacles
@@ -116,7 +117,7 @@ def _from_file(name: str, folder: Path) -> Graph:
     if not isinstance(raw, dict):
         raise InvalidError(key, f'{name} must be an object, {{"vertices": [...], "edges": [...]}}')
     try:
-        return fitted(raw, Graph)
+        return fitted(measured(raw), Graph)
     except InvalidError as wrong:
         place = "" if wrong.names_key else f"{wrong.key}: "
         raise InvalidError(key, f"{name}: {place}{wrong}") from None

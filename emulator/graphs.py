@@ -28,7 +28,7 @@ class GraphSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     file: Name | None = None
-    """JSON of a `channels.graphs.Graph`, relative to the scenario file."""
+    """JSON of a `channels.graphs.Graph`, relative to the scenario file; see `channels.graph_text`."""
     generator: Name | None = None
     """"module:function", or "file.py:function" as behaviours are found; it returns a Graph."""
     args: dict[str, Any] = {}

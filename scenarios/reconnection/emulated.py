@@ -10,19 +10,27 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
+from agent.behaviours.reconnection.model import ways_of
 from agent.behaviours.reconnection.planner import BUDGET, WIDTH
+from channels.graphs import Graph
 from channels.units import MAX_TIME_NS, NS_PER_S
 from logs.reader import LogReader
 from scenarios.emulated import emulated
 from scenarios.reconnection.score import score
-from scenarios.reconnection.study_reconnection import STUDY, ReconnectionParameters, search_of
+from scenarios.reconnection.study_reconnection import STUDY, ReconnectionParameters, graph_of, search_of
 from scenarios.reconnection.study_reconnection import check as check_simulated
 from scenarios.study import Study, described, mean_and_error, one_each
 
 SCENARIO = "reconnection"
+LEAVES_LATE = 0.5
+"""Share of a step that a robot does not drive, at most: three phases of a tenth before it leaves, a tenth
+for arriving early, and some room."""
+TURNING = 2.2
+"""How much faster than on its way a robot must be to turn back in the step after, with some room."""
 LAST_STEP_S = 0.5
 """How much of the last step there is: all three phases, but not the next arrivals."""
 
@@ -77,25 +85,56 @@ def overrides(parameters: EmulatedParameters) -> list[str]:
     same = ("method", "travel_steps", "random_steps", "horizon", "memory", "targets", "miss", "tasks")
     settings = {key: getattr(parameters, key) for key in (*same, "task_steps", "holding")}
     settings |= {"deterministic": str(parameters.deterministic).lower(), "half_steps": parameters.half}
-    # Half of that on the longest way of so many steps, and up to all of it to turn back in the step after.
-    speed_mps = max(1.0, 2.0 / parameters.travel_steps)
+    graph = None if parameters.graph is None else graph_of(parameters, seed=0)
     return [
         f"run.duration_s={parameters.random_steps + parameters.limit + LAST_STEP_S}",
-        f"world.motion.max_speed_mps={speed_mps}",
-        f"world.graph={_graph(parameters)}",
+        f"world.motion.max_speed_mps={_speed_mps(parameters, graph)}",
+        f"world.graph={_table(parameters, graph)}",
         *(f"params.{key}={value}" for key, value in settings.items()),
     ]
 
 
-def _graph(parameters: EmulatedParameters) -> str:
+def _speed_mps(parameters: EmulatedParameters, graph: Graph | None) -> float:
+    """So fast robots must be."""
+    # Half of that on the longest way of so many steps, and up to all of it to turn back in the step after.
+    usual = max(1.0, 2.0 / parameters.travel_steps)
+    if graph is None:
+        return usual
+    # A file may have ways that are shorter than the distance that robots have to drive.
+    ways, points = ways_of(graph, parameters.travel_steps), np.array(graph.vertices)
+    driven = np.hypot(*(points[ways.head] - points[ways.tail]).T)
+    return max(usual, float((TURNING * driven / (ways.steps + 1 - LEAVES_LATE)).max()))
+
+
+def _table(parameters: EmulatedParameters, graph: Graph | None) -> str:
     """The inline table `world.graph`."""
     starts = "" if parameters.starts is None else f", starts = [{parameters.starts}]"
-    if parameters.graph is not None:
-        return f"{{ file = {_quoted(str(Path(parameters.graph).absolute()))}{starts} }}"
-    args = f"{{ kind = {_quoted(parameters.environment)}, vertices = {parameters.vertices} }}"
-    return (
-        f'{{ generator = "agent.behaviours.reconnection.environments:environment", args = {args}{starts} }}'
+    if graph is None:
+        args = f"{{ kind = {_quoted(parameters.environment)}, vertices = {parameters.vertices} }}"
+        generator = _quoted("agent.behaviours.reconnection.environments:environment")
+        return f"{{ generator = {generator}, args = {args}{starts} }}"
+    if min(map(min, graph.vertices)) < 0:
+        return _written(_shifted(graph))
+    return f"{{ file = {_quoted(str(Path(str(parameters.graph)).absolute()))}{starts} }}"
+
+
+def _shifted(graph: Graph) -> Graph:
+    """The graph where the emulator's area is, which begins at 0; lengths stay what they are."""
+    left, down = (max(0.0, -low) for low in np.array(graph.vertices).min(axis=0).tolist())
+    return msgspec.structs.replace(
+        graph,
+        vertices=tuple((x + left, y + down) for x, y in graph.vertices),
+        obstacles=tuple((x0 + left, y0 + down, x1 + left, y1 + down) for x0, y0, x1, y1 in graph.obstacles),
     )
+
+
+def _written(graph: Graph) -> str:
+    """As an inline table; TOML has lists of numbers as JSON has them."""
+    held = msgspec.structs.asdict(graph)
+    lists = [
+        f"{key} = {msgspec.json.encode(value).decode()}" for key, value in held.items() if value is not None
+    ]
+    return "{ " + ", ".join(lists) + " }"
 
 
 def _quoted(text: str) -> str:
@@ -107,18 +146,20 @@ def _quoted(text: str) -> str:
 def _run(parameters: EmulatedParameters, seed: int) -> EmulatedRun:
     found = emulated(SCENARIO, _scored, seed=seed, robots=parameters.robots, overrides=overrides(parameters))
     steps = parameters.limit if found["steps"] is None else found["steps"]
+    # As in the simulation: who meets in the very step of the limit meets too late.
+    connected = found["reached"] and steps < parameters.limit
     moves, turned = found["moves"]["total"], found["turned_back"]
     same = None
     if parameters.compare:
         course = search_of(parameters, seed).run(parameters.random_steps, parameters.limit)
         expected = course.steps, course.connected
-        same = expected == (steps, found["reached"]) and (
+        same = expected == (steps, connected) and (
             course.stuck or (course.moves, course.turned) == (moves, turned)
         )
     return EmulatedRun(
         seed,
         steps,
-        found["reached"],
+        connected,
         moves,
         turned,
         found["broken"]["true"],

@@ -56,7 +56,7 @@ class ReconnectionParameters(Struct, frozen=True, kw_only=True, forbid_unknown_f
         float, Meta(gt=0, le=100, description="steps that a robot is on the way per unit of length")
     ] = 2.0
     random_steps: Annotated[Steps, Meta(description="steps for which all wander before they search")] = 50
-    horizon: Annotated[int, Meta(ge=1, le=100, description="steps planned ahead, T_p")] = 12
+    horizon: Annotated[int, Meta(ge=1, le=30, description="steps planned ahead, T_p")] = 12
     memory: Annotated[
         int, Meta(ge=1, le=1_000_000, description="persistent: for how many moves a vertex is avoided")
     ] = 10
@@ -78,7 +78,7 @@ class ReconnectionParameters(Struct, frozen=True, kw_only=True, forbid_unknown_f
         int, Meta(ge=1, le=10_000_000, description="steps of search after which a run is given up")
     ] = 20_000
     width: Annotated[
-        int, Meta(ge=1, le=100_000, description="joint states that a group's plan first keeps per step")
+        int, Meta(ge=1, le=4096, description="joint states that a group's plan first keeps per step")
     ] = WIDTH
     budget: Annotated[
         int, Meta(ge=0, le=100_000_000, description="joint states that a group's plan may go on from")

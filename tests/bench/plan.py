@@ -70,7 +70,7 @@ FULL = Effort(
     duration_s={10: 240.0, 30: 120.0, 100: 60.0, 300: 60.0},
     turns_duration_s={10: 120.0, 30: 60.0, 100: 30.0},
     slots_duration_s={100: 1344.0, 9: 600.0},
-    searches={2: 10, 5: 5},
+    searches={2: 8, 5: 4},
 )
 QUICK = Effort(
     rounds=1,

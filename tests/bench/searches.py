@@ -22,7 +22,7 @@ LONGEST = 300
 """Steps after which a search is given up here."""
 RANDOM_STEPS = 50
 WIDE = 2000
-"""A budget of nodes that is more than enough for the limit of a second."""
+"""A budget of nodes, far above the default; plans should still take less than a second."""
 SITUATIONS = 4
 """How many situations of each size of group are planned again with that."""
 GROUPS = (2, 3, 4)

@@ -16,9 +16,10 @@ guess; an environment is a pure function of its kind, its size, its seed and its
 - `maze`: a grid, of whose edges a random spanning tree is left; then `loops`, a share of the others, are
   put back at random. Walls between cells are obstacles.
 
-Edges of equal length conserve parity: robots that never wait, and start an even number of edges apart, meet at
-one vertex or not at all; those that start an odd number apart hear each other from neighbouring vertices. In
-a square with sides of an even number of cells, opposite corners are an even number apart, others an odd one.
+Edges of equal length conserve parity: robots that never wait, and start an even number of edges apart, meet
+at one vertex or not at all; those that start an odd number apart hear each other from neighbouring vertices.
+In a square with sides of an even number of cells, opposite corners are an even number apart, others an odd
+one.
 
 For one seed, `gabriel` and both kinds of `delaunay` have the same points, but for the scale.
 """

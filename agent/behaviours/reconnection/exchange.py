@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from agent.behaviours.reconnection import messages
 from agent.behaviours.reconnection.messages import Decision, MessageError, Piece, Presence, Presences
 from agent.behaviours.reconnection.model import Ways
-from agent.behaviours.reconnection.pieces import PieceError, joined, piece_of, split
+from agent.behaviours.reconnection.pieces import PieceError, joined, least_limit, piece_of, split
+from agent.parameters import ParameterError
 from agent.robot import Robot
 from channels.messages import Message
 from channels.units import to_s
@@ -17,10 +18,17 @@ from channels.units import to_s
 class Exchange:
     """One robot's side. What it hears for the first time it passes on at once.
 
-    `ways`: of the environment; `repeats`: how often everything is told in each phase, for radios that lose.
+    `ways`: of the environment; `repeats`: how often everything is told in each phase, for radios that lose;
+    `payload`: the least that the radio must take [bytes], `least_payload`. Raises ParameterError where it
+    does not.
     """
 
-    def __init__(self, robot: Robot, ways: Ways, repeats: int) -> None:
+    def __init__(self, robot: Robot, ways: Ways, repeats: int, payload: int = 0) -> None:
+        if robot.radio.max_payload_bytes < payload:
+            raise ParameterError(
+                f"radio.max_payload_bytes: {robot.radio.max_payload_bytes} are too few for what "
+                f"{robot.team_size} robots tell each other; set {payload} or more"
+            )
         self._robot, self._ways, self._repeats = robot, ways, repeats
         self._step = -1
         self._early: list[messages.Message] = []
@@ -124,6 +132,15 @@ class Exchange:
 
     def _broadcast(self, message: messages.Message) -> None:
         self._robot.radio.broadcast_bytes(messages.encode(message))
+
+
+def least_payload(members: int, ways: Ways, blob: int = 0, oldest: int | None = None) -> int:
+    """The least limit of a radio with which nothing that such a team tells is too long [bytes].
+
+    `blob`: length of the longest `Facts` [bytes], 0 where none are told; `oldest`: see `messages.largest`.
+    """
+    pieces = least_limit(blob) + _PIECE_OVERHEAD if blob else 0
+    return max(messages.largest(members, ways, oldest), pieces)
 
 
 _PIECE_OVERHEAD = 16

@@ -19,6 +19,12 @@ def told(known: Knowledge, *, exact: bool) -> bytes:
     return encode(Facts(facts))
 
 
+def longest(states: int, absent: int) -> int:
+    """No less than the length of what `told` makes of beliefs of so many robots over these states [bytes]."""
+    # A number for each state, or a level; a mark, or run, for each, twice at most; what is before them.
+    return absent * (64 + 10 * states)
+
+
 def understood(raw: bytes, states: int, absent: Sequence[int]) -> Knowledge:
     """What another group believes, over so many states, of just these. Raises MessageError."""
     facts = decode_facts(raw).absent

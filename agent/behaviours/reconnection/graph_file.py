@@ -8,13 +8,13 @@ apart.
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 
+from channels.graph_text import measured
 from channels.graphs import Graph, Point, Rectangle, check
 
 _HELD = {
@@ -72,22 +72,17 @@ def _graph(raw: Any) -> Graph:
     if not isinstance(raw, dict):
         raise ValueError('must be a table {"vertices": [[x, y], ...], "edges": [[a, b, length], ...]}')
     try:
-        document = msgspec.convert(raw, _Document)
+        document = msgspec.convert(measured(raw), _Document)
     except msgspec.ValidationError as error:
         raise ValueError(_translated(str(error), raw)) from None
-    edges = tuple(_edge(i, edge, document.vertices) for i, edge in enumerate(document.edges))
+    edges = tuple(_edge(i, edge) for i, edge in enumerate(document.edges))
     return Graph(document.vertices, edges, document.links, document.starts, document.obstacles)
 
 
-def _edge(number: int, edge: tuple[int | float, ...], vertices: tuple[Point, ...]) -> tuple[int, int, float]:
-    if not 2 <= len(edge) <= 3 or not all(isinstance(vertex, int) for vertex in edge[:2]):
+def _edge(number: int, edge: tuple[int | float, ...]) -> tuple[int, int, float]:
+    if len(edge) != 3 or not all(isinstance(vertex, int) for vertex in edge[:2]):
         raise ValueError(f"edges: {_HELD['edges']}; edges[{number}] is not")
-    a, b = int(edge[0]), int(edge[1])
-    if len(edge) == 3:
-        return a, b, float(edge[2])
-    # A vertex that does not exist has no place; that is what `check` will say.
-    exist = min(a, b) >= 0 and max(a, b) < len(vertices)
-    return a, b, math.dist(vertices[a], vertices[b]) if exist else math.nan
+    return int(edge[0]), int(edge[1]), float(edge[2])
 
 
 def _translated(message: str, raw: dict[Any, Any]) -> str:

@@ -97,6 +97,23 @@ _messages = msgpack.Decoder(Presences | Piece | Decision)
 _facts = msgpack.Decoder(Facts)
 
 
+def largest(members: int, ways: Ways, oldest: int | None = None) -> int:
+    """Length of the longest `Presences` or `Decision` that a team of so many can tell [bytes].
+
+    `oldest`: the highest of `ages`, where there are any.
+    """
+    everybody = tuple(range(members))
+    degrees = [end - start for start, end in zip(ways.start, ways.start[1:], strict=False)]
+    ages = () if oldest is None else (oldest,) * int(max(degrees))
+    vertex = len(degrees) - 1
+    course = Course(vertex, vertex, MOST_STEPS, MOST_STEPS)
+    presences = Presences(
+        MOST_STEPS, [Presence(number, course, True, everybody, ages) for number in everybody]
+    )
+    decision = Decision(MOST_STEPS, everybody[-1], dict.fromkeys(everybody, course))
+    return max(len(encode(presences)), len(encode(decision)))
+
+
 class MessageError(ValueError):
     """What nobody of the team can have sent."""
 

@@ -13,6 +13,14 @@ class PieceError(ValueError):
     """What is no piece of a message, or not all of one, or cannot be split so."""
 
 
+_MOST_PIECES = 0xFFFF
+
+
+def least_limit(length: int) -> int:
+    """The least limit with which `split` can split any message of at most so many bytes."""
+    return _PIECE.size + max(1, -(-length // _MOST_PIECES))
+
+
 def split(blob: bytes, limit: int) -> list[bytes]:
     """A message in pieces of at most `limit` bytes, for `joined`; all but the last are of that size.
 
@@ -21,7 +29,7 @@ def split(blob: bytes, limit: int) -> list[bytes]:
     """
     room = limit - _PIECE.size
     parts = max(1, -(-len(blob) // room)) if room > 0 else 0
-    if not 1 <= parts <= 0xFFFF:
+    if not 1 <= parts <= _MOST_PIECES:
         raise PieceError(f"limit: pieces of {limit} bytes are too small for a message of {len(blob)}")
     check = zlib.crc32(blob)
     return [_PIECE.pack(i, parts, check) + blob[i * room : (i + 1) * room] for i in range(parts)]

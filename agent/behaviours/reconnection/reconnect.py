@@ -17,13 +17,16 @@ per metre of way; `random_steps` (50); `horizon` (12); `deterministic` (false); 
 longest; `half_steps` (0: others are cooperative); `exchange` ("exact" or "quantised", see `wire`);
 `step_s` (1.0), `phase_s` (0.1); `repeats` (1), how often all is told in each phase; `patience` (0), for how
 many steps a member that is not heard counts as being there; `log_beliefs_steps` (10; 0: never); `enough`, how
-many robots are the whole team (0: all of them): less, where some are to die.
+many robots are the whole team (0: all of them): less, but more than half, where some are to die.
+
+Joint decisions of a group are enumerated, (degree + 1)^members of them: a team has 12 robots at most.
 
 Logs at every step `reconnection`: `step`, `place`, `towards` (-1: nowhere), `network` (numbers), `searching`,
-and `whole`: all (`enough`) are one network, and search. Planners log `plan`: see `methods.Plan`. The lowest number of a
-network logs `belief`: of each robot that is absent, its likely places; and `merge`: whose beliefs were merged
-(`of`), how many of these were `heard`, of whom they were `wrong`, and how (`belief.Outcome`). The lowest of
-those who were one network before logs `outcome`: of whom their beliefs were `wrong`.
+and `whole`: all (`enough`) have been heard, are one network, and search. Planners log `plan`: see
+`methods.Plan`. The lowest number of a network logs `belief`: of each robot that is absent, its likely places;
+and `merge`: whose beliefs were merged (`of`), how many of these were `heard`, of whom they were `wrong`, and
+how (`belief.Outcome`). The lowest of those who were one network before logs `outcome`: of whom their beliefs
+were `wrong`.
 """
 
 from __future__ import annotations
@@ -34,12 +37,20 @@ from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection import facts
 from agent.behaviours.reconnection.baselines import Ages
 from agent.behaviours.reconnection.belief import Outcome
-from agent.behaviours.reconnection.exchange import Exchange
+from agent.behaviours.reconnection.exchange import Exchange, least_payload
 from agent.behaviours.reconnection.knowledge import Knowledge, heard_by, merged
-from agent.behaviours.reconnection.messages import Course, Decision, MessageError, Presence, follows
+from agent.behaviours.reconnection.messages import (
+    MOST_STEPS,
+    Course,
+    Decision,
+    MessageError,
+    Presence,
+    follows,
+)
 from agent.behaviours.reconnection.methods import Plan, Planner
 from agent.behaviours.reconnection.model import Model, ways_of
 from agent.behaviours.reconnection.settings import (
+    enough_of,
     expectation_of,
     graph_of,
     member_of,
@@ -92,8 +103,8 @@ class Reconnection:
         self._exact = choice(params, "exchange", EXCHANGES, "exact") == "exact"
         self._patience = whole_number(params, "patience", 0, least=0)
         self._log_every = whole_number(params, "log_beliefs_steps", 10, least=0)
-        self._enough = whole_number(params, "enough", 0, least=0) or robot.team_size
-        self._exchange = Exchange(robot, self._ways, whole_number(params, "repeats", 1))
+        self._enough = enough_of(params, robot.team_size)
+        self._exchange = Exchange(robot, self._ways, whole_number(params, "repeats", 1), self._payload())
         at = starts(graph, robot.team_size)
         self._known = Knowledge({number: Motion(vertex) for number, vertex in enumerate(at)})
         self._network: dict[int, Presence] = {}
@@ -101,6 +112,13 @@ class Reconnection:
         self._decided: dict[int, Course] = {}
         self._group: tuple[int, ...] = ()
         self._step = -1
+
+    def _payload(self) -> int:
+        """How many bytes the longest message of the team has."""
+        absent = self._robot.team_size - 1
+        blob = facts.longest(self._expected.model.states, absent) if self._believes else 0
+        oldest = min(self._rules.memory, MOST_STEPS) if self._rules.method == "persistent" else None
+        return least_payload(self._robot.team_size, self._ways, blob, oldest)
 
     async def take(self, step: Step) -> None:
         """One step."""
@@ -270,9 +288,8 @@ class Reconnection:
     def _log_step(self, former: int) -> None:
         motion = self._member.motion
         network = tuple(self._network)
-        whole = len(network) >= self._enough and all(
-            presence.searching for presence in self._network.values()
-        )
+        heard = [presence for number, presence in self._network.items() if number not in self._missing]
+        whole = len(heard) >= self._enough and all(presence.searching for presence in heard)
         entry: dict[str, Any] = {
             "step": self._step,
             "place": motion.place,

@@ -9,7 +9,6 @@ import numpy as np
 
 from agent.behaviours.reconnection.knowledge import Expectation
 from agent.behaviours.reconnection.member import Member, drawn_tasks
-from agent.behaviours.reconnection.messages import MOST_MEMBERS
 from agent.behaviours.reconnection.methods import METHODS, Rules
 from agent.behaviours.reconnection.model import HOLDINGS, Ways, walk_model
 from agent.behaviours.reconnection.team import sinks
@@ -27,13 +26,16 @@ from channels.graphs import Graph, starts, vertices_at
 from channels.randomness import Draws
 from channels.units import to_ns
 
+MOST_ROBOTS = 12
+"""Joint decisions are enumerated: up to (degree + 1)^members of a group, too many for more robots."""
+
 
 def graph_of(robot: Robot) -> Graph:
     """The world's graph."""
     if robot.graph is None:
         raise ParameterError("world.graph: is missing; robots search on the vertices of a graph")
-    if robot.team_size > MOST_MEMBERS:
-        raise ParameterError(f"robots: {robot.team_size} are too many to search; set {MOST_MEMBERS} or less")
+    if robot.team_size > MOST_ROBOTS:
+        raise ParameterError(f"robots: {robot.team_size} are too many to search; set {MOST_ROBOTS} or less")
     return robot.graph
 
 
@@ -46,6 +48,17 @@ def phase_ns_of(params: Mapping[str, Any], step_s: float) -> int:
             f"set {step_s / 6:g} or less"
         )
     return to_ns(phase_s)
+
+
+def enough_of(params: Mapping[str, Any], team_size: int) -> int:
+    """How many robots are the whole team: more than half, so that no two networks are, each by itself."""
+    enough = whole_number(params, "enough", 0, least=0) or team_size
+    if not team_size < 2 * enough <= 2 * team_size:
+        raise ParameterError(
+            f"params.enough: {enough} of {team_size} robots cannot be the whole team; "
+            f"set {team_size // 2 + 1} to {team_size}, or 0: all"
+        )
+    return enough
 
 
 def rules_of(params: Mapping[str, Any]) -> Rules:
