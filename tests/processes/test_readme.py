@@ -75,6 +75,15 @@ def test_state_estimates(tmp_path: Path) -> None:
     assert written == {"mixed.mcap", "coverage.mcap", "figure-02.png", "figure-02.svg", "figure-02.csv"}
 
 
+def test_finding_each_other_again(tmp_path: Path) -> None:
+    (commands,) = blocks("Finding each other again", "sh")
+    done = shell(commands, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "reached           True" in done.stdout
+    written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == {"found.mcap", "persistent.mcap", "beliefs.png", "beliefs.svg", "beliefs.csv"}
+
+
 def test_every_command_is_described() -> None:
     listed = set(re.findall(r"^heliograph (\w+)", README.split("\n## The command\n")[1], re.MULTILINE))
     help_text = shell("heliograph --help", Path.cwd()).stdout
