@@ -21,9 +21,15 @@ from channels.units import MAX_TIME_NS, NS_PER_S
 from logs.reader import LogReader
 from scenarios.emulated import emulated
 from scenarios.reconnection.score import score
-from scenarios.reconnection.study_reconnection import STUDY, ReconnectionParameters, graph_of, search_of
+from scenarios.reconnection.study_reconnection import (
+    STUDY,
+    ReconnectionParameters,
+    graph_of,
+    middle,
+    search_of,
+)
 from scenarios.reconnection.study_reconnection import check as check_simulated
-from scenarios.study import Study, described, mean_and_error, one_each
+from scenarios.study import Study, described, one_each
 
 SCENARIO = "reconnection"
 LEAVES_LATE = 0.5
@@ -180,14 +186,8 @@ def summarise(parameters: EmulatedParameters, partials: Sequence[list[EmulatedRu
     """
     runs = [run for partial in partials for run in partial]
     times = [run.steps for run in runs]
-    mean, error = mean_and_error(times)
     return {
-        "steps": {
-            "mean": mean,
-            "sd": None if error is None else error * len(times) ** 0.5,
-            "se": error,
-            "median": float(np.median(times)),
-        },
+        "steps": middle(times),
         "times": times,
         "seeds": [run.seed for run in runs],
         "censored": sum(not run.connected for run in runs),

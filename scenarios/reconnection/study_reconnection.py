@@ -11,12 +11,12 @@ from msgspec import Meta, Struct
 
 from agent.behaviours.reconnection.environments import KINDS, environment
 from agent.behaviours.reconnection.graph_file import read_graph
-from agent.behaviours.reconnection.knowledge import Expectation
-from agent.behaviours.reconnection.member import Member, drawn_tasks
+from agent.behaviours.reconnection.knowledge import Expectation, expectation
+from agent.behaviours.reconnection.member import Member, begun
 from agent.behaviours.reconnection.methods import Method, Rules
-from agent.behaviours.reconnection.model import Ways, walk_model, ways_of
+from agent.behaviours.reconnection.model import Ways, ways_of
 from agent.behaviours.reconnection.planner import BUDGET, WIDTH
-from agent.behaviours.reconnection.team import everybody, sinks, upwards
+from agent.behaviours.reconnection.team import everybody, upwards
 from channels.graphs import Graph, hearing
 from channels.graphs import starts as starts_of
 from channels.randomness import Draws
@@ -203,27 +203,32 @@ def search_of(parameters: ReconnectionParameters, seed: int, graph: Graph | None
 
 
 def _members(parameters: ReconnectionParameters, graph: Graph, ways: Ways, seed: int) -> list[Member]:
-    """The team, each with the draws that a robot of the emulator makes of the same seed."""
+    """The team, each with the generator that a robot of the emulator has for the same seed."""
     assert graph.starts is not None
-    members = []
-    for start, own in zip(graph.starts, rng_seeds(seed, numbered_ids(parameters.robots)), strict=True):
-        draws = Draws.of_key(int(np.random.default_rng(own).integers(2**63)))
-        tasks = drawn_tasks(draws, len(graph.vertices), parameters.tasks, parameters.task_steps)
-        members.append(Member(ways, start, draws, parameters.random_steps, tasks))
-    return members
+    return [
+        begun(
+            ways,
+            start,
+            np.random.default_rng(own),
+            random_steps=parameters.random_steps,
+            tasks=parameters.tasks,
+            task_steps=parameters.task_steps,
+        )
+        for start, own in zip(graph.starts, rng_seeds(seed, numbered_ids(parameters.robots)), strict=True)
+    ]
 
 
 def _expected(parameters: ReconnectionParameters, graph: Graph, ways: Ways) -> Expectation:
-    model = walk_model(graph, ways, holding=parameters.holding)
-    # Whoever searches for nobody stands, once it has nothing else to do: a rule that everybody knows.
-    still = sinks(TARGETS[parameters.targets](parameters.robots)) if not parameters.tasks else frozenset()
-    if not parameters.half:
-        return Expectation(model, still=still, still_from=parameters.random_steps)
-    # Anything from one step to the longest task, everywhere.
-    dwell = np.full(parameters.task_steps, 1.0 / parameters.task_steps)
-    everywhere = dict.fromkeys(range(len(graph.vertices)), dwell)
-    neutral = walk_model(graph, ways, holding=parameters.holding, dwell=everywhere)
-    return Expectation(model, neutral, parameters.half, still=still, still_from=parameters.random_steps)
+    return expectation(
+        graph,
+        ways,
+        TARGETS[parameters.targets](parameters.robots),
+        holding=parameters.holding,
+        random_steps=parameters.random_steps,
+        tasks=parameters.tasks,
+        task_steps=parameters.task_steps,
+        half=parameters.half,
+    )
 
 
 # --- many ----------------------------------------------------------------------------------------
@@ -252,15 +257,9 @@ def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]])
     runs = [run for partial in partials for run in partial]
     courses = [run.course for run in runs]
     times = [course.steps for course in courses]
-    mean, error = mean_and_error(times)
     believes = parameters.method == "semi-markov"
     return {
-        "steps": {
-            "mean": mean,
-            "sd": None if error is None else error * len(times) ** 0.5,
-            "se": error,
-            "median": float(np.median(times)),
-        },
+        "steps": middle(times),
         "times": times,
         "seeds": [run.seed for run in runs],
         "censored": sum(not course.connected for course in courses),
@@ -272,6 +271,13 @@ def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]])
         "broken": sum(course.broken for course in courses),
         "samples": len(runs),
     }
+
+
+def middle(times: Sequence[int]) -> dict[str, float | None]:
+    """`mean`, `sd`, `se` and `median`; `sd` and `se` are None for a single time."""
+    mean, error = mean_and_error(times)
+    deviation = None if error is None else error * len(times) ** 0.5
+    return {"mean": mean, "sd": deviation, "se": error, "median": float(np.median(times))}
 
 
 def _plans(courses: Sequence[Course]) -> dict[str, int]:

@@ -15,8 +15,9 @@ import numpy as np
 from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection.belief import Outcome
 from agent.behaviours.reconnection.mixture import aligned, blended, willingness
-from agent.behaviours.reconnection.model import Bools, Floats, Model, Ways, standing
-from agent.behaviours.reconnection.team import Motion, way_between
+from agent.behaviours.reconnection.model import Bools, Floats, Model, Ways, standing, walk_model
+from agent.behaviours.reconnection.team import Motion, sinks, way_between
+from channels.graphs import Graph
 
 
 class Expectation:
@@ -79,6 +80,31 @@ class Expectation:
         if tenths not in self._blends:
             self._blends[tenths] = blended(self._cooperative, self._neutral, tenths / 10)
         return self._blends[tenths]
+
+
+def expectation(
+    graph: Graph,
+    ways: Ways,
+    targets: Sequence[Sequence[int]],
+    *,
+    holding: str = "uniform",
+    random_steps: int = 0,
+    tasks: int = 0,
+    task_steps: int = 1,
+    half: float = 0.0,
+) -> Expectation:
+    """What a team expects of its members, as `member.Member` and `methods.Rules` have them move.
+
+    They go to any neighbour; `half` > 0: or they may be busy with tasks of up to `task_steps`, anywhere.
+    Who searches for nobody (`targets`) stands after the random steps, unless it has tasks.
+    """
+    cooperative = walk_model(graph, ways, holding=holding)
+    still = frozenset() if tasks else sinks(targets)
+    if half == 0:
+        return Expectation(cooperative, still=still, still_from=random_steps)
+    dwell = dict.fromkeys(range(len(graph.vertices)), np.full(task_steps, 1.0 / task_steps))
+    neutral = walk_model(graph, ways, holding=holding, dwell=dwell)
+    return Expectation(cooperative, neutral, half, still=still, still_from=random_steps)
 
 
 @dataclass

@@ -91,6 +91,15 @@ class Member:
         return -1
 
 
+def begun(
+    ways: Ways, start: int, generator: np.random.Generator, *, random_steps: int, tasks: int, task_steps: int
+) -> Member:
+    """A member whose draws, and so many tasks of up to `task_steps`, come from a robot's fresh generator."""
+    draws = Draws.of_key(int(generator.integers(2**63)))
+    own = drawn_tasks(draws, len(ways.start) - 1, tasks, task_steps)
+    return Member(ways, start, draws, random_steps, own)
+
+
 def drawn_tasks(draws: Draws, vertices: int, count: int, longest: int) -> list[Task]:
     """So many tasks anywhere, each of 1 to `longest` steps."""
     where = (draws.uniform(np.arange(count), TASKS, 0) * vertices).astype(np.int64)

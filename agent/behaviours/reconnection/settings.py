@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from agent.behaviours.reconnection.knowledge import Expectation
-from agent.behaviours.reconnection.member import Member, drawn_tasks
+from agent.behaviours.reconnection.knowledge import Expectation, expectation
+from agent.behaviours.reconnection.member import Member, begun
 from agent.behaviours.reconnection.methods import METHODS, Rules
-from agent.behaviours.reconnection.model import HOLDINGS, Ways, walk_model
-from agent.behaviours.reconnection.team import sinks
+from agent.behaviours.reconnection.model import HOLDINGS, Ways
 from agent.parameters import (
     ParameterError,
     choice,
@@ -23,7 +22,6 @@ from agent.parameters import (
 )
 from agent.robot import Robot
 from channels.graphs import Graph, starts, vertices_at
-from channels.randomness import Draws
 from channels.units import to_ns
 
 MOST_ROBOTS = 12
@@ -82,30 +80,29 @@ def expectation_of(
     params: Mapping[str, Any], graph: Graph, ways: Ways, targets: Sequence[Sequence[int]]
 ) -> Expectation:
     """How others are expected to move."""
-    # Whoever searches for nobody stands, once it has nothing else to do: a rule that everybody knows.
-    tasks = whole_number(params, "tasks", 0, least=0)
-    still = frozenset() if tasks else sinks(targets)
-    since = whole_number(params, "random_steps", 50, least=0)
-    holding = choice(params, "holding", HOLDINGS, "uniform")
-    cooperative = walk_model(graph, ways, holding=holding)
-    half = not_negative(params, "half_steps", 0.0)
-    if half == 0:
-        return Expectation(cooperative, still=still, still_from=since)
-    longest = whole_number(params, "task_steps", 10)
-    dwell = dict.fromkeys(range(len(graph.vertices)), [1.0 / longest] * longest)
-    neutral = walk_model(graph, ways, holding=holding, dwell=dwell)
-    return Expectation(cooperative, neutral, half, still=still, still_from=since)
+    return expectation(
+        graph,
+        ways,
+        targets,
+        holding=choice(params, "holding", HOLDINGS, "uniform"),
+        random_steps=whole_number(params, "random_steps", 50, least=0),
+        tasks=whole_number(params, "tasks", 0, least=0),
+        task_steps=whole_number(params, "task_steps", 10),
+        half=not_negative(params, "half_steps", 0.0),
+    )
 
 
 def member_of(robot: Robot, graph: Graph, ways: Ways) -> Member:
     """The robot as it begins. Draws from `robot.rng`."""
     params = robot.params
-    draws = Draws.of_key(int(robot.rng.integers(2**63)))
-    count = whole_number(params, "tasks", 0, least=0)
-    longest = whole_number(params, "task_steps", 10)
-    tasks = drawn_tasks(draws, len(graph.vertices), count, longest)
-    random_steps = whole_number(params, "random_steps", 50, least=0)
-    return Member(ways, _start_of(robot, graph), draws, random_steps, tasks)
+    return begun(
+        ways,
+        _start_of(robot, graph),
+        robot.rng,
+        random_steps=whole_number(params, "random_steps", 50, least=0),
+        tasks=whole_number(params, "tasks", 0, least=0),
+        task_steps=whole_number(params, "task_steps", 10),
+    )
 
 
 def _start_of(robot: Robot, graph: Graph) -> int:
