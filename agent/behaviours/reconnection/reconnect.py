@@ -131,7 +131,6 @@ class Reconnection:
         self._exchange.begin(step.index)
         self._exchange.tell_presence(self._presence())
         await self._exchange.listen(step.start_ns + self._phase_ns)
-        former = self._network
         self._network = self._connected()
         if self._believes and not first:
             await self._learn(step)
@@ -139,7 +138,7 @@ class Reconnection:
         self._member.mind_own_business(step.index)
         await self._decide(step)
         self._drive(before, step)
-        self._log_step(len(former))
+        self._log_step()
 
     def _check_arrival(self, motion: Motion) -> None:
         if not motion.free or motion.elapsed:
@@ -285,7 +284,7 @@ class Reconnection:
         way_m = ((x_m - pose.x_m) ** 2 + (y_m - pose.y_m) ** 2) ** 0.5
         self._robot.body.go_to(x_m, y_m, way_m / (arrival_s - self._robot.now_s))
 
-    def _log_step(self, former: int) -> None:
+    def _log_step(self) -> None:
         motion = self._member.motion
         network = tuple(self._network)
         heard = [presence for number, presence in self._network.items() if number not in self._missing]
