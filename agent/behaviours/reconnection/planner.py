@@ -36,8 +36,8 @@ from agent.behaviours.reconnection.planner_arrays import CHUNK, Ground, beam_of,
 from channels.graphs import Bools
 
 SLACK = 0.05
-"""First moves this share below the best are as good as the best: to choose among them at random breaks most of
-the cycles that the best moves alone can get stuck in."""
+"""First moves this share below the best are as good as the best: to choose among them at random breaks
+most of the cycles that the best moves alone can get stuck in."""
 
 ROUNDING = 1e-12
 """Values that differ by less than this share of theirs are equal; which is greater is chance of rounding."""
