@@ -152,6 +152,12 @@ def mean_and_error(values: Sequence[float]) -> tuple[float, float | None]:
     return mean, math.sqrt(variance / count)
 
 
+def spread(values: Sequence[float]) -> dict[str, float | None]:
+    """`mean`, `sd` and `se` of independent values; the latter two None below two of them."""
+    mean, error = mean_and_error(values)
+    return {"mean": mean, "sd": None if error is None else error * math.sqrt(len(values)), "se": error}
+
+
 def described(values: Iterable[float | None]) -> dict[str, float | None]:
     """`mean` and `se` of those values that are there, for a result; None where there are too few."""
     there = [value for value in values if value is not None]

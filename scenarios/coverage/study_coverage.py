@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from scenarios.coverage.cost import Optimum, mean_until, optimum
 from scenarios.coverage.simulation import NS_PER_MS, Course, CoverageParameters, simulate_one
 from scenarios.dissemination.parameters import check_flooding
-from scenarios.study import Study, mean_and_error, one_each
+from scenarios.study import Study, mean_and_error, one_each, spread
 
 Floats = NDArray[np.float64]
 
@@ -82,12 +81,6 @@ def summarise(parameters: CoverageParameters, partials: Sequence[list[Course]]) 
         "frame_rate_hz": 1e9 / (parameters.robots * parameters.slot_ns),
         "samples": len(runs),
     }
-
-
-def spread(values: Sequence[float]) -> dict[str, float | None]:
-    """`mean`, `sd` and `se` of independent values; the latter two None below two of them."""
-    mean, error = mean_and_error(values)
-    return {"mean": mean, "sd": None if error is None else error * math.sqrt(len(values)), "se": error}
 
 
 def per_time(ratios: Floats) -> dict[str, list[float | None]]:

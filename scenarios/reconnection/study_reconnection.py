@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -16,20 +16,18 @@ from agent.behaviours.reconnection.member import Member, begun
 from agent.behaviours.reconnection.methods import Method, Rules
 from agent.behaviours.reconnection.model import Ways, ways_of
 from agent.behaviours.reconnection.planner import BUDGET, WIDTH
-from agent.behaviours.reconnection.team import everybody, upwards
+from agent.behaviours.reconnection.team import TARGETS
 from channels.graphs import Graph, hearing
 from channels.graphs import starts as starts_of
 from channels.randomness import Draws
 from emulator.assemble import rng_seeds
 from emulator.scenario import numbered_ids
 from scenarios.reconnection.simulation import Course, Loss, Search
-from scenarios.study import Study, described, mean_and_error, one_each
+from scenarios.study import Study, described, one_each, spread
 
 Kind = Literal["gridholes", "gabriel", "delaunay", "delaunay-thinned", "maze"]
 """`environments.KINDS`."""
 Steps = Annotated[int, Meta(ge=0, le=1_000_000)]
-
-TARGETS: dict[str, Callable[[int], tuple[tuple[int, ...], ...]]] = {"all": everybody, "upwards": upwards}
 
 MOST_VERTICES = 1000
 """The communication graph is a matrix, and beliefs have a number for each way and step."""
@@ -275,9 +273,7 @@ def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]])
 
 def middle(times: Sequence[int]) -> dict[str, float | None]:
     """`mean`, `sd`, `se` and `median`; `sd` and `se` are None for a single time."""
-    mean, error = mean_and_error(times)
-    deviation = None if error is None else error * len(times) ** 0.5
-    return {"mean": mean, "sd": deviation, "se": error, "median": float(np.median(times))}
+    return spread(times) | {"median": float(np.median(times))}
 
 
 def _plans(courses: Sequence[Course]) -> dict[str, int]:

@@ -57,14 +57,13 @@ from agent.behaviours.reconnection.settings import (
     phase_ns_of,
     rules_of,
 )
-from agent.behaviours.reconnection.team import Motion, everybody, moved, networks, targets_of, upwards
+from agent.behaviours.reconnection.team import TARGETS, Motion, moved, networks, targets_of
 from agent.behaviours.reconnection.warm import search_a_little
 from agent.parameters import ParameterError, choice, positive, whole_number
 from agent.robot import Robot, Step
 from agent.warm_up import before_forks
 from channels.graphs import hearing, starts
 
-TARGETS = {"all": everybody, "upwards": upwards}
 EXCHANGES = ("exact", "quantised")
 
 ARRIVE_EARLY = 0.1

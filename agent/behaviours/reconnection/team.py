@@ -6,7 +6,7 @@ steps t + 1 .. t + tau, and at w at t + tau + 1. It communicates as from u, its 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -118,6 +118,10 @@ def upwards(robots: int) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(range(i + 1, robots)) for i in range(robots))
 
 
+TARGETS: dict[str, Callable[[int], tuple[tuple[int, ...], ...]]] = {"all": everybody, "upwards": upwards}
+"""Whom each robot of a team of so many searches for, by name."""
+
+
 def sinks(targets: Sequence[Sequence[int]]) -> frozenset[int]:
     """Who searches for nobody, and stays where it is."""
     return frozenset(robot for robot, found in enumerate(targets) if not found)
@@ -134,9 +138,9 @@ def check_targets(targets: Sequence[Sequence[int]]) -> None:
         for j in found:
             if not 0 <= j < robots or j == i:
                 raise ValueError(f"targets[{i}]: robot {i} cannot search for {j} in a team of {robots}")
-    sinks = [i for i, found in enumerate(targets) if not found]
-    if len(sinks) != 1:
-        raise ValueError(f"targets: {len(sinks)} robots search for nobody; it must be exactly one")
+    standing = len(sinks(targets))
+    if standing != 1:
+        raise ValueError(f"targets: {standing} robots search for nobody; it must be exactly one")
     # With one sink, without cycles, every walk ends at that sink: weak connection follows.
     circling = [i for i, height in enumerate(_heights(targets)) if height < 0]
     if circling:
