@@ -239,7 +239,7 @@ def test_who_is_only_assumed_to_be_there_does_not_make_the_team_whole(
         "_enough": 2,
         "_step": 7,
     }
-    robot._log_step(2)
+    robot._log_step()
     assert [entry["whole"] for entry in logged] == [whole]
     assert logged[0]["network"] == (0, 1)
 
