@@ -45,14 +45,16 @@ def noted() -> Iterator[None]:
     _state.previous = {number: signal.getsignal(number) for number in SIGNALS}
     for number in SIGNALS:
         signal.signal(number, _on_signal)
+    arrived: list[int] = []
     try:
         yield
-        check()
     finally:
         for known, handler in _state.previous.items():
             signal.signal(known, signal.SIG_DFL if handler is None else handler)
         _state.previous = {}
-        _state.arrived = []
+        arrived, _state.arrived = _state.arrived, arrived
+    if arrived:  # once those that answer are back, so that none is lost that arrives meanwhile
+        signal.raise_signal(arrived[-1])
 
 
 def check() -> None:

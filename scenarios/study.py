@@ -24,6 +24,7 @@ from msgspec import Struct
 from agent.parent import signal_at_death_of
 from channels.randomness import stable_key
 from emulator.errors import RunFailed
+from emulator.interrupts import held
 
 MOST_SAMPLES = 10**10
 MOST_JOBS = 256
@@ -188,13 +189,28 @@ def _in_order(pool: ProcessPoolExecutor, tasks: Iterable[Task], ahead: int) -> I
     rest = iter(tasks)
     waiting: deque[Future[Partial]] = deque()
     try:
-        waiting.extend(pool.submit(_simulate, task) for task in islice(rest, ahead))
+        waiting.extend(_submit(pool, task) for task in islice(rest, ahead))
         while waiting:
             yield waiting.popleft().result()
-            waiting.extend(pool.submit(_simulate, task) for task in islice(rest, 1))
+            waiting.extend(_submit(pool, task) for task in islice(rest, 1))
     except BrokenProcessPool:
         sentence = "a process that worked on the study was killed (out of memory?); try fewer --jobs"
         raise RunFailed(sentence) from None
+
+
+def _submit(pool: ProcessPoolExecutor, task: Task) -> Future[Partial]:
+    """Hand out a task, which may start a worker.
+
+    A signal that cut this short would leave a worker half told what to do, which it would answer with
+    a traceback; so the signal waits. So would a worker that hears Ctrl-C while it still imports, hence
+    it is born with that signal blocked.
+    """
+    with held():
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return pool.submit(_simulate, task)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def _end_with_parent(parent: int) -> None:

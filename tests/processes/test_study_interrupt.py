@@ -112,6 +112,11 @@ def nobody_is_left(processes: dict[int, str]) -> bool:
     return wait_until(lambda: not any(is_alive(pid, since) for pid, since in processes.items()))
 
 
+def told(err: str) -> list[str]:
+    """What the command said, without its progress bar."""
+    return [line for line in err.replace("\r", "\n").split("\n") if line.strip() and "worlds" not in line]
+
+
 @pytest.mark.parametrize("seconds", WHEN)
 @pytest.mark.parametrize(
     ("number", "code", "word"),
@@ -125,9 +130,18 @@ def test_a_signal_to_the_command_alone(
     out, err = study.communicate(timeout=TIMEOUT_S)
     assert study.returncode == code, err
     assert out == ""
-    assert "Traceback" not in err
-    told = [line for line in err.replace("\r", "\n").split("\n") if line.strip() and "worlds" not in line]
-    assert told == [f"heliograph: {word}"]
+    assert told(err) == [f"heliograph: {word}"]
+    assert nobody_is_left(processes)
+
+
+@pytest.mark.parametrize("seconds", WHEN)
+def test_an_interrupt_from_a_terminal(study: subprocess.Popen[str], seconds: int) -> None:
+    """Ctrl-C reaches the workers as well, wherever they are; they leave it to the command."""
+    processes = at_work(study, seconds)
+    os.killpg(study.pid, signal.SIGINT)
+    out, err = study.communicate(timeout=TIMEOUT_S)
+    assert (study.returncode, out) == (130, ""), err
+    assert told(err) == ["heliograph: interrupted"]
     assert nobody_is_left(processes)
 
 

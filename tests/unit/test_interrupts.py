@@ -98,3 +98,17 @@ def test_elsewhere_than_in_the_main_thread_nothing_happens() -> None:
     thread.start()
     thread.join()
     assert done == [True]
+
+
+def test_one_that_comes_while_handlers_are_put_back_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    put_back = signal.signal
+
+    def interrupted(number: int, handler: object) -> object:
+        if number == signal.SIGINT and handler is before:  # the last moment at which it is only noted
+            signal.raise_signal(signal.SIGINT)
+        return put_back(number, handler)  # type: ignore[arg-type]
+
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), noted():
+        monkeypatch.setattr(signal, "signal", interrupted)
+    assert signal.getsignal(signal.SIGINT) is before

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import multiprocessing.resource_tracker
+import multiprocessing.util
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -115,6 +119,27 @@ def test_a_worker_that_dies_ends_the_study() -> None:
     deadly = msgspec.structs.replace(STUDY, simulate=die)
     with pytest.raises(RunFailed, match="was killed"):
         run_study(deadly, Dice(), samples=30, jobs=2)
+
+
+def test_an_interrupt_between_a_worker_s_birth_and_its_orders_waits(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*args: object) -> int:
+        born.append(spawn(*args))
+        signal.raise_signal(signal.SIGINT)
+        return born[-1]
+
+    multiprocessing.resource_tracker.ensure_running()  # a helper of the library's, started the same way
+    born: list[int] = []
+    spawn = multiprocessing.util.spawnv_passfds  # type: ignore[attr-defined]
+    monkeypatch.setattr(multiprocessing.util, "spawnv_passfds", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_study(STUDY, Dice(), samples=30, jobs=2)
+    for pid in born:
+        with contextlib.suppress(ChildProcessError):  # the pool has waited for it
+            os.waitpid(pid, 0)
+    assert capfd.readouterr().err == ""  # no traceback of a worker that finds its pipe closed
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
