@@ -19,7 +19,7 @@ demo: setup
 	$(BIN)/heliograph run association --force
 
 test: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 check: format lint types contracts test
 

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -92,14 +93,16 @@ PARTS = [
 
 
 def leftovers() -> set[str]:
-    """Robot and zygote processes, and socket folders."""
-    found = {str(path) for path in Path("/tmp").glob("heliograph-*")}
+    """Robot and zygote processes, and socket folders, of this process's tests."""
+    ours = f"\0TMPDIR={tempfile.gettempdir()}\0".encode()
+    found = {str(path) for path in Path(tempfile.gettempdir()).glob("heliograph-*")}
     for process in Path("/proc").glob("[0-9]*"):
         try:
             command = (process / "cmdline").read_bytes()
+            environment = (process / "environ").read_bytes()
         except OSError:
             continue
-        if b"agent.zygote" in command:
+        if b"agent.zygote" in command and ours in b"\0" + environment:
             found.add(process.name)
     return found
 
