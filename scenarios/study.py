@@ -54,6 +54,8 @@ class Study(Struct, frozen=True):
     """Raises ValueError, "key: what is wrong and what helps", for parameters that do not go together."""
     max_jobs: int | None = None
     """1: chunks keep all processors busy by themselves."""
+    prepare: Callable[[], object] = lambda: None
+    """Called before workers start: what it compiles, none of them needs to."""
     chance: str | None = None
     """Another study's name, to draw what that draws: samples can then be compared one by one."""
 
@@ -84,6 +86,7 @@ def run_study(
     size = study.chunk(parameters)
     chunks = -(-samples // size)
     tasks = ((study, parameters, seed, i, min(size, samples - i * size)) for i in range(chunks))
+    study.prepare()
     partials: list[Partial] = []
     with workers or Workers(jobs) as crew:
         for partial in crew.simulate(tasks, chunks, study.max_jobs):

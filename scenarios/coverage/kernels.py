@@ -15,8 +15,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from agent.compiling import announce
+
 Floats = NDArray[np.float64]
 F = TypeVar("F", bound=Callable[..., object])
+
+announce()
 
 SAME_PLACE_M = 1e-6
 """That of the controller's cells; in figures, since numba would not notice if another module's changed."""

@@ -41,11 +41,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from agent.behaviours.dissemination.selection import LEAST_COUNTER, MIN_DISTANCE_M
+from agent.compiling import announce
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 F = TypeVar("F", bound=Callable[..., Any])
+
+announce()
 
 UNKNOWN = -1
 

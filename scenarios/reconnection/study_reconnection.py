@@ -17,6 +17,7 @@ from agent.behaviours.reconnection.methods import Method, Rules
 from agent.behaviours.reconnection.model import Ways, ways_of
 from agent.behaviours.reconnection.planner import BUDGET, WIDTH
 from agent.behaviours.reconnection.team import TARGETS
+from agent.behaviours.reconnection.warm import search_a_little
 from channels.graphs import Graph, hearing
 from channels.graphs import starts as starts_of
 from channels.randomness import Draws
@@ -302,4 +303,5 @@ STUDY = Study(
     simulate=simulate,
     summarise=summarise,
     check=check,
+    prepare=search_a_little,
 )

@@ -14,11 +14,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from agent.behaviours.reconnection.planner_arrays import Beam, Ground, Room
+from agent.compiling import announce
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 F = TypeVar("F", bound=Callable[..., Any])
+
+announce()
 
 
 def compiled(function: F) -> F:
