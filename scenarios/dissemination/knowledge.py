@@ -12,27 +12,23 @@ is exact at every instant, for robots on the air and for silent ones.
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-import orjson
-from foxglove_schemas_protobuf.Log_pb2 import Log
-from msgspec import Struct
+from msgspec import Struct, structs
 from numpy.typing import NDArray
 
 from agent.behaviours.dissemination.geodesy import TangentPlane
 from agent.behaviours.dissemination.wire import Wire
 from logs.reader import LogReader
+from scenarios.runs import Record, Run, read_run
 
 Ints = NDArray[np.int64]
-Record = tuple[int, Mapping[str, Any]]
-"""(log time [ns], record)"""
 
 REFUSED = ("out_of_slot", "too_long", "queue_full")
 """Why a transmission never was on the air, as far as slots are concerned."""
-_RETURNED = "behaviour returned"
 _STAMPS = 2**32
 
 
@@ -68,49 +64,17 @@ class Knowledge(Struct, frozen=True):
     """How many more there were whose stamp the origin itself never sent; nobody can tell how old they are."""
 
 
-class History(NamedTuple):
+class History(Run, frozen=True, kw_only=True):
     """What scoring takes from a log."""
 
-    robots: list[str]
-    """The team, by number."""
     transmissions: list[Transmission]
-    truth: list[Record]
-    ended_ns: list[int]
-    """When each robot's behaviour returned; the end of the run for all others."""
-    end_ns: int
-    settings: Mapping[str, Any]
-    """The scenario as it was run."""
-
-    @property
-    def params(self) -> Mapping[str, Any]:
-        """What all robots share of [params]."""
-        params: Mapping[str, Any] = self.settings.get("params", {})
-        return params
 
 
 def read(log: LogReader) -> History:
     """Everything scoring needs, read once. Raises ValueError for a log that does not say what was run."""
-    if "resolved" not in log.run:
-        raise ValueError(f"{log.path}: does not say what was run; record the run again")
-    truth: list[Record] = list(log.records("/truth"))
-    robots = team_of(truth)
-    end_ns = int((log.result or {}).get("virtual_ns", log.end_ns))
-    return History(
-        robots=robots,
-        transmissions=transmissions(log.records("/radio"), robots, _joined(log)),
-        truth=truth,
-        ended_ns=_ended(log, robots, end_ns),
-        end_ns=end_ns,
-        settings=orjson.loads(log.run["resolved"]),
-    )
-
-
-def team_of(truth: Iterable[Record]) -> list[str]:
-    """Ids of all robots, by number, from /truth. Raises ValueError where it does not begin."""
-    for _, record in truth:
-        if record["kind"] == "start":
-            return [robot["robot"] for robot in record["robots"]]
-    raise ValueError("/truth: holds no record of the start, so nobody knows the team; record the run again")
+    run = read_run(log)
+    sent = transmissions(log.records("/radio"), run.robots, _joined(log))
+    return History(**structs.asdict(run), transmissions=sent)
 
 
 def transmissions(
@@ -210,21 +174,6 @@ def _joined(log: LogReader) -> dict[str, int]:
     return {
         record["robot"]: time_ns for time_ns, record in log.records("/robot") if record["entry"] == "joined"
     }
-
-
-def _ended(log: LogReader, robots: Sequence[str], end_ns: int) -> list[int]:
-    ended = dict.fromkeys(robots, end_ns)
-    for name, time_ns in _returned(log):
-        if name in ended:
-            ended[name] = time_ns
-    return list(ended.values())
-
-
-def _returned(log: LogReader) -> Iterator[tuple[str, int]]:
-    for _, _, time_ns, data in log.raw(["/log"]):
-        line = Log.FromString(data)
-        if line.message == _RETURNED:
-            yield line.name, time_ns
 
 
 def _ints(values: Iterable[int]) -> Ints:

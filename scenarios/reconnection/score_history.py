@@ -15,8 +15,8 @@ from channels.graphs import hearing
 from channels.units import NS_PER_S, to_ns
 from emulator.graphs import GraphSettings, graph_of
 from logs.reader import LogReader
-from scenarios.dissemination.knowledge import read as read_run
 from scenarios.places import vertices
+from scenarios.runs import read_run
 
 STEP, PLAN, BELIEF, MERGE, OUTCOME, REFUSED = NAMES = (
     "reconnection", "plan", "belief", "merge", "outcome", "refused message",

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import orjson
 import pytest
+from msgspec.structs import replace
 
 from agent.behaviours.dissemination.estimates import Estimate
 from agent.behaviours.dissemination.geodesy import TangentPlane
@@ -26,16 +27,15 @@ from scenarios.coverage.score import score as score_coverage
 from scenarios.dissemination.knowledge import (
     History,
     Knowledge,
-    Record,
     Transmission,
     knowledge,
     read,
-    team_of,
     transmissions,
 )
 from scenarios.dissemination.lattices import Lattice
 from scenarios.dissemination.score import MOST_DISTANCES, instants_s, places, score_history, slots_of
 from scenarios.dissemination.stamps import received
+from scenarios.runs import Record, team_of
 
 NAMES = ("a", "b", "c", "d")
 MS = 1_000_000
@@ -112,14 +112,19 @@ def history(
 ) -> History:
     settings = SETTINGS | {"params": SETTINGS["params"] | params}
     return History(
-        list(NAMES), transmissions(radio, NAMES), list(truth), [end_ms * MS] * 4, end_ms * MS, settings
+        robots=list(NAMES),
+        truth=list(truth),
+        ended_ns=[end_ms * MS] * 4,
+        end_ns=end_ms * MS,
+        settings=settings,
+        transmissions=transmissions(radio, NAMES),
     )
 
 
 def with_radio(before: History, tdma: Mapping[str, Any], **radio: Any) -> History:
     """The same under other rules."""
     changed = SETTINGS["radio"] | {"tdma": SETTINGS["radio"]["tdma"] | tdma} | radio
-    return before._replace(settings=SETTINGS | {"radio": changed})
+    return replace(before, settings=SETTINGS | {"radio": changed})
 
 
 def known(radio: Sequence[Record]) -> Knowledge:
@@ -550,7 +555,7 @@ def standing(*x_m: float, **changed: Any) -> History:
     for robot in record["robots"]:
         robot["velocity_mps"] = changed.get(robot["robot"], [0.0, 0.0])
     motion = {"kind": "bounce", "speed_mps": 0.0}
-    return history(truth=[(begin_ns, record)])._replace(settings=SETTINGS | {"world": {"motion": motion}})
+    return replace(history(truth=[(begin_ns, record)]), settings=SETTINGS | {"world": {"motion": motion}})
 
 
 def test_beta_is_the_farthest_from_all_of_those_that_stand() -> None:
@@ -566,7 +571,7 @@ def test_beta_is_the_farthest_from_all_of_those_that_stand() -> None:
 def test_who_is_told_to_move_moves() -> None:
     begin = start([(0.0, 5.0), (1.0, 5.0), (2.0, 5.0), (10.0, 5.0)])
     settings = SETTINGS | {"world": {"motion": {"kind": "commanded", "max_speed_mps": 1.0}}}
-    told = history(truth=[begin, moved(500, "d", 0.0, 0.1)])._replace(settings=settings)
+    told = replace(history(truth=[begin, moved(500, "d", 0.0, 0.1)]), settings=settings)
     found = received(told)
     assert found["receiver"] == "a"
     assert [robot["moves"] for robot in found["robots"]] == [False, False, True]
@@ -598,8 +603,8 @@ def covering(*truth: Record, end_ms: int = 50_000) -> History:
         "world": {"motion": {"kind": "commanded", "max_speed_mps": 10.0}},
         "params": {"area_m": [20.0, 20.0]},
     }
-    return History(list(NAMES), [], [start([(5.0, 5.0), (15.0, 5.0), (5.0, 15.0), (15.0, 15.0)]), *truth],
-                   [end_ms * MS] * 4, end_ms * MS, settings)  # fmt: skip
+    corners = start([(5.0, 5.0), (15.0, 5.0), (5.0, 15.0), (15.0, 15.0)])
+    return replace(history(radio=(), end_ms=end_ms, truth=(corners, *truth)), settings=settings)
 
 
 def test_coverage_by_hand() -> None:
@@ -637,12 +642,12 @@ def test_places_are_those_of_robots_that_bounce() -> None:
 
 
 def test_who_has_left_covers_nothing() -> None:
-    left = covering()._replace(ended_ns=[20_000 * MS] * 3 + [50_000 * MS])
+    left = replace(covering(), ended_ns=[20_000 * MS] * 3 + [50_000 * MS])
     costs = coverage(left)["cost_over_optimum"]["per_time"]
     assert costs[19] == pytest.approx(1)
     # One robot for all, in the middle of a quarter: 20^4 / 6 about the centre, and 50 m^2 for being beside it.
     assert costs[20] == costs[-1] == pytest.approx((20**4 / 6 + 50 * 400) / (20**4 / 24))
-    nobody = coverage(covering()._replace(ended_ns=[20_000 * MS] * 4))
+    nobody = coverage(replace(covering(), ended_ns=[20_000 * MS] * 4))
     assert nobody["cost_over_optimum"]["final"] is None
     assert nobody["mean_first_40_s"] is None
 
