@@ -233,3 +233,10 @@ def test_drawn_tasks_are_anywhere_and_of_any_length() -> None:
         assert sorted(counts) == list(kinds)
         assert chisquare([counts[kind] for kind in kinds]).pvalue > 0.01
     assert drawn_tasks(Draws(3, "r"), 7, 3, 5) == tasks[:3]
+
+
+def test_who_may_not_wait_may_have_nothing_to_do_but_to_change_places() -> None:
+    """Why members of a team that moves at random may wait."""
+    for places in ([1, 2], [2, 1]):
+        moves = joint_moves(WAYS, HEARING, *arrays(map(Motion, places)))
+        assert [move for move in moves.tolist() if min(move) >= 0] == [places[::-1]]

@@ -40,7 +40,11 @@ def wander(ways: Ways, vertex: int, u: float) -> int:
 
 
 def random_moves(ways: Ways, hearing: Bools, motions: Sequence[Motion], u: float) -> Ints:
-    """One of all joint decisions that keep the group together, at random: (m,), as `planner.joint_moves`."""
+    """One of all joint decisions that keep the group together, at random: (m,), as `planner.joint_moves`.
+
+    Members may wait although they could move: two who always move when they can change places for ever where
+    ways of different lengths let them do nothing else at once.
+    """
     moves = joint_moves(ways, hearing, *arrays(motions))
     return _drawn(moves, u)
 
