@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from agent.behaviours.reconnection import belief as beliefs
-from agent.behaviours.reconnection import mixture
+from agent.behaviours.reconnection import facts, mixture
 from agent.behaviours.reconnection.belief import Outcome
 from agent.behaviours.reconnection.knowledge import Expectation, Knowledge, heard_by, merged, point
 from agent.behaviours.reconnection.member import Member
+from agent.behaviours.reconnection.messages import MessageError
 from agent.behaviours.reconnection.model import Model, walk_model, ways_of
 from agent.behaviours.reconnection.team import Motion, departed, moved, networks, turned_back
 from channels.graphs import Graph, hearing
@@ -195,6 +196,33 @@ def test_since_counts_from_the_last_contact_of_any_of_those_who_meet() -> None:
     later, _ = after.ticked(EXPECTED, WAYS, [1, 2], np.zeros(9, dtype=bool), 0.0)
     assert later.since == {1: 1, 2: 5}
     assert later.certain == {}
+
+
+def test_groups_that_meet_need_not_take_the_same_robots_for_absent() -> None:
+    """One counts on a silent member, 3, which the other takes for absent."""
+    at = [beliefs.at_vertex(MODEL, vertex) for vertex in range(9)]
+    a = Knowledge({}, {2: at[3]}, {2: 9})
+    b = Knowledge({}, {2: at[3], 3: at[5]}, {2: 4, 3: 1})
+    for factors in ([a, b], [b, a]):
+        together, outcomes = merged(factors, {0: Motion(0), 1: Motion(1)})
+        assert list(together.believed) == [2, 3]
+        assert together.believed[3] is at[5]
+        assert together.since == {2: 4, 3: 1}
+        assert outcomes == {2: Outcome.usual, 3: Outcome.usual}
+    alone = merged([a], {0: Motion(0)})[0].completed(b)
+    assert alone.believed[3] is at[5]
+    assert alone.believed[2] is at[3]
+    assert alone.since == {2: 9, 3: 1}
+
+
+def test_what_a_group_tells_of_others_than_are_absent_is_left_out() -> None:
+    known = Knowledge({}, {robot: beliefs.at_vertex(MODEL, robot) for robot in (1, 2, 4)}, {1: 5, 2: 6, 4: 7})
+    found = facts.understood(facts.told(known, exact=True), MODEL.states, [0, 2, 4])
+    assert found.since == {2: 6, 4: 7}
+    assert all(np.array_equal(found.believed[robot], known.believed[robot]) for robot in (2, 4))
+    backwards = Knowledge({}, dict(reversed(known.believed.items())), known.since)
+    with pytest.raises(MessageError, match="twice, or not in order"):
+        facts.understood(facts.told(backwards, exact=True), MODEL.states, [2])
 
 
 def test_what_is_known_is_not_changed_by_what_comes_after() -> None:

@@ -8,9 +8,12 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from agent.behaviours.reconnection.model import check_model, walk_model, ways_of
 from emulator.errors import UserError
 from scenarios.reconnection.emulated import EmulatedParameters
 from scenarios.reconnection.score import score_history
+from scenarios.reconnection.score_history import BELIEF
+from scenarios.reconnection.study_reconnection import graph_of
 from tests.reconnection_runs import emulated, simulated, told_by
 
 
@@ -183,3 +186,48 @@ def test_a_radio_of_a_range_among_obstacles_does_as_well(tmp_path: Path) -> None
 def test_what_makes_no_sense_is_told_in_one_sentence(tmp_path: Path, change: str, complaint: str) -> None:
     with pytest.raises(UserError, match=complaint):
         emulated(tmp_path, small(robots=3), 3, change)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_patience_costs_no_merge_where_nothing_is_lost(tmp_path: Path, seed: int) -> None:
+    """Some count on a member that others, who have just been met, know to be gone."""
+    parameters = small(robots=5, vertices=20, random_steps=40, limit=30)
+    found = score_history(emulated(tmp_path, parameters, seed, "params.patience=2"))
+    assert found["merges"]["merges"] > 10
+    assert found["merges"]["unheard"] == found["refused"] == 0
+
+
+LEARNT = """
+from agent.behaviours.reconnection.knowledge import Expectation
+from agent.behaviours.reconnection.learning import History
+from agent.behaviours.reconnection.model import walk_model, ways_of
+from agent.behaviours.reconnection.reconnect import reconnect
+
+async def main(robot):
+    ways = ways_of(robot.graph, 2.0)
+    history = History(ways)
+    for vertex in range(len(ways.start) - 1):  # whoever is anywhere goes on to its lowest neighbour
+        history.visit(vertex, step=0)
+        history.visit(int(ways.head[ways.start[vertex]]), step=3)
+        history.forget()
+    await reconnect(robot, Expectation(walk_model(robot.graph, ways, mu=history.mu(prior=0.0))))
+"""
+
+
+def test_robots_search_by_a_model_of_one_s_own(tmp_path: Path) -> None:
+    parameters = small(robots=2, starts="3,17", random_steps=6, limit=12)
+    history = emulated(tmp_path, parameters, 3, "params.log_beliefs_steps=1", behaviour=LEARNT)
+    ways = ways_of(graph_of(parameters, 3), 2.0)
+    way = [3]
+    while (lowest := int(ways.head[ways.start[way[-1]]])) not in way:
+        way.append(lowest)
+    found = [data["places"] for _, _, data in history.entries[BELIEF] if data["of"] == 0]
+    assert len(found) > 5
+    assert len({place for places in found for place, _ in places}) > 1
+    assert {place for places in found for place, _ in places} <= set(way)
+
+
+def test_a_model_of_another_graph_is_refused() -> None:
+    model = walk_model(graph_of(small(), 4), ways_of(graph_of(small(), 4), 2.0))
+    with pytest.raises(ValueError, match=r"expected: its model has other ways than the graph"):
+        check_model(model, ways_of(graph_of(small(), 3), 2.0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 
 from agent.behaviours.reconnection.knowledge import Knowledge
 from agent.behaviours.reconnection.messages import Fact, Facts, MessageError, decode_facts, encode
@@ -25,11 +25,17 @@ def longest(states: int, absent: int) -> int:
     return absent * (64 + 10 * states)
 
 
-def understood(raw: bytes, states: int, absent: Sequence[int]) -> Knowledge:
-    """What another group believes, over so many states, of just these. Raises MessageError."""
+def understood(raw: bytes, states: int, absent: Collection[int]) -> Knowledge:
+    """What another group believes, over so many states, of these, as far as it tells. Raises MessageError.
+
+    Who still counts on a silent member does not take it for absent, as others may: so groups that meet need
+    not tell of the same robots.
+    """
     facts = decode_facts(raw).absent
-    if [fact.robot for fact in facts] != list(absent):
-        raise MessageError("tells of others than are absent")
+    robots = [fact.robot for fact in facts]
+    if robots != sorted(set(robots)):
+        raise MessageError("tells of robots twice, or not in order")
+    facts = [fact for fact in facts if fact.robot in absent]
     try:
         believed = {fact.robot: decode_belief(states, fact.belief) for fact in facts}
     except WireError as error:

@@ -137,6 +137,10 @@ class Knowledge:
             after.since[robot] = since
         return after, outcomes
 
+    def completed(self, other: Knowledge) -> Knowledge:
+        """The same, and of robots that this says nothing of what another believes."""
+        return Knowledge(self.certain, other.believed | self.believed, other.since | self.since)
+
 
 def point(model: Model, ways: Ways, motion: Motion) -> Floats:
     """Certainty; a robot that turns back counts as one at the place that it returns to."""
@@ -150,14 +154,18 @@ def point(model: Model, ways: Ways, motion: Motion) -> Floats:
 def merged(
     factors: Sequence[Knowledge], connected: Mapping[int, Motion]
 ) -> tuple[Knowledge, dict[int, Outcome]]:
-    """What groups that have met know together of the absent (sec. III.D), and of each other."""
+    """What groups that have met know together of the absent (sec. III.D), and of each other.
+
+    Of each robot that any of them takes for absent; by those that do.
+    """
     after, outcomes = Knowledge(dict(connected)), {}
-    for robot in factors[0].believed:
-        each = [factor.believed[robot] for factor in factors]
+    for robot in sorted({robot for factor in factors for robot in factor.believed}):
+        telling = [factor for factor in factors if robot in factor.believed]
+        each = [factor.believed[robot] for factor in telling]
         after.believed[robot], outcomes[robot] = (
             beliefs.merged(each) if len(each) > 1 else (each[0], Outcome.usual)
         )
-        after.since[robot] = min(factor.since[robot] for factor in factors)
+        after.since[robot] = min(factor.since[robot] for factor in telling)
     return after, outcomes
 
 

@@ -118,6 +118,12 @@ def walk_model(
     return _semi_markov(ways, [*at, *_on_ways(ways, holding, spread)], _next_way(ways, mu))
 
 
+def check_model(model: Model, ways: Ways) -> None:
+    """Raises ValueError where a model is not one of a robot that goes these ways."""
+    if model.place.tolist() != [*range(len(ways.start) - 1), *ways.tail.tolist()]:
+        raise ValueError("expected: its model has other ways than the graph; make it of robot.graph")
+
+
 def standing(model: Model) -> Model:
     """A robot that stays at the vertex that it is at, or on the way to; with the states of another model."""
     degrees = np.diff(model.next_start[: model.vertices + 1])

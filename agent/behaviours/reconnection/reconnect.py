@@ -38,7 +38,7 @@ from agent.behaviours.reconnection import facts
 from agent.behaviours.reconnection.baselines import Ages
 from agent.behaviours.reconnection.belief import Outcome
 from agent.behaviours.reconnection.exchange import Exchange, least_payload
-from agent.behaviours.reconnection.knowledge import Knowledge, heard_by, merged
+from agent.behaviours.reconnection.knowledge import Expectation, Knowledge, heard_by, merged
 from agent.behaviours.reconnection.messages import (
     MOST_STEPS,
     Course,
@@ -48,7 +48,7 @@ from agent.behaviours.reconnection.messages import (
     follows,
 )
 from agent.behaviours.reconnection.methods import Plan, Planner
-from agent.behaviours.reconnection.model import Model, ways_of
+from agent.behaviours.reconnection.model import Model, check_model, ways_of
 from agent.behaviours.reconnection.settings import (
     enough_of,
     expectation_of,
@@ -73,9 +73,9 @@ THERE_M = 1e-3
 before_forks(search_a_little)
 
 
-async def reconnect(robot: Robot) -> None:
-    """Wander, work, and search."""
-    search = Reconnection(robot)
+async def reconnect(robot: Robot, expected: Expectation | None = None) -> None:
+    """Wander, work, and search. `expected`: see `Reconnection`."""
+    search = Reconnection(robot, expected)
     try:
         async for step in robot.steps(search.step_s):
             await search.take(step)
@@ -84,9 +84,13 @@ async def reconnect(robot: Robot) -> None:
 
 
 class Reconnection:
-    """The search of one robot. Raises ParameterError for params that make no sense."""
+    """The search of one robot. Raises ParameterError for params that make no sense.
 
-    def __init__(self, robot: Robot) -> None:
+    `expected`: how others are expected to move, the same for all robots, and over the ways that
+    `ways_of(robot.graph, travel_steps)` has; None: as params say. Raises ValueError where it is of others.
+    """
+
+    def __init__(self, robot: Robot, expected: Expectation | None = None) -> None:
         params = robot.params
         self._robot = robot
         self._graph = graph = graph_of(robot)
@@ -96,7 +100,8 @@ class Reconnection:
         self._rules = rules_of(params)
         self._believes = self._rules.method == "semi-markov"
         self._targets = TARGETS[choice(params, "targets", tuple(TARGETS), "all")](robot.team_size)
-        self._expected = expectation_of(params, graph, self._ways, self._targets)
+        self._expected = expected or expectation_of(params, graph, self._ways, self._targets)
+        check_model(self._expected.model, self._ways)
         self._planner = Planner(self._ways, self._hearing, self._expected, self._rules)
         self._member = member_of(robot, graph, self._ways)
         self._exact = choice(params, "exchange", EXCHANGES, "exact") == "exact"
@@ -190,7 +195,8 @@ class Reconnection:
                 self._exchange.tell_facts(facts.told(own, exact=self._exact))
             await self._exchange.listen(step.start_ns + 2 * self._phase_ns)
             factors = [told for teller in tellers if (told := self._told(teller, absent)) is not None]
-        self._known, disjoint = merged(factors or [own], connected)
+        known, disjoint = merged(factors or [own], connected)
+        self._known = known.completed(own)
         if len(tellers) > 1:
             self._log_merge(tellers, len(factors), disjoint)
 
