@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from logs.reader import LogReader
 from tests.support import TIMEOUT_S
 
 pytestmark = pytest.mark.processes
@@ -82,6 +83,55 @@ def test_finding_each_other_again(tmp_path: Path) -> None:
     assert "reached           True" in done.stdout
     written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
     assert written == {"found.mcap", "persistent.mcap", "beliefs.png", "beliefs.svg", "beliefs.csv"}
+
+
+SEARCH = """
+behaviour = "wrapper.py:main"
+robots = 3
+[run]
+duration_s = 100.0
+stop = {{ entry = "reconnection", field = "whole", of = "running" }}
+[world]
+placement = "graph"
+motion = {{ kind = "commanded", max_speed_mps = 1.0 }}
+[world.graph]
+vertices = {vertices}
+edges = {edges}
+[radio]
+link = "graph"
+max_payload_bytes = 65536
+[params]
+travel_steps = 2.0
+random_steps = 5
+targets = "upwards"
+enough = {enough}
+{more}
+"""
+PATH = {"vertices": [[x, 0] for x in range(8)], "edges": [[x, x + 1, 1.0] for x in range(7)]}
+
+
+@pytest.mark.parametrize(
+    ("section", "enough", "more"),
+    [
+        ("Finding each other again", 3, ""),
+        ("Questions", 2, '[[robot]]\nid = "r01"\nparams = { lives_s = 4.0 }'),
+    ],
+    ids=["a model of one's own", "a robot that dies"],
+)
+def test_what_wraps_a_search(section: str, enough: int, more: str, tmp_path: Path) -> None:
+    (wrapper,) = blocks(section, "python")
+    (tmp_path / "wrapper.py").write_text(wrapper)
+    (tmp_path / "team.toml").write_text(SEARCH.format(**PATH, enough=enough, more=more))
+    done = shell("heliograph run team.toml --out team.mcap --json", tmp_path)
+    assert done.returncode == 0, done.stderr
+    with LogReader(tmp_path / "team.mcap") as log:
+        told = [
+            (each["robot"], each["data"])
+            for _, each in log.records("/robot")
+            if each["entry"] == "reconnection"
+        ]
+    assert told[-1][1]["whole"]
+    assert (max(data["step"] for robot, data in told if robot == "r01") < 5) == (enough == 2)
 
 
 def test_every_command_is_described() -> None:
