@@ -17,7 +17,7 @@ from agent.behaviours.reconnection.model import Model, Ways
 from channels.graphs import Bools, Floats, Graph
 
 Member = tuple[int, int, int]
-"""Place, target (-1: none), steps to the arrival (0: at a vertex)."""
+"""Place, where to (-1: none), steps to the arrival (0: at a vertex)."""
 Decision = tuple[int, ...]
 Places = tuple[int, ...]
 
@@ -113,8 +113,8 @@ def best_alone(
 def one_step(team: Sequence[Member]) -> tuple[list[Member], bool]:
     """The team a step later, and whether anybody has arrived."""
     after: list[Member] = []
-    for place, target, left in team:
-        after.append((target, -1, 0) if left == 1 else (place, target, max(0, left - 1)))
+    for place, towards, left in team:
+        after.append((towards, -1, 0) if left == 1 else (place, towards, max(0, left - 1)))
     return after, any(left == 1 for _, _, left in team)
 
 

@@ -45,16 +45,16 @@ def test_whatever_a_group_decides_keeps_it_together(seed: int, members: int, wid
     """From decision to decision; what is planned is among what is allowed, and never above its own bound."""
     generator = np.random.default_rng(seed)
     graph = random_graph(generator, int(generator.integers(2, 13)), 0)
-    ways, heard = ways_of(graph, 2), hearing(graph)
+    ways, near = ways_of(graph, 2), hearing(graph)
     model = walk_model(graph, ways)
-    ground = ground_of(ways, heard, [model])
+    ground = ground_of(ways, near, [model])
     belief = generator.dirichlet(np.full(model.states, 0.2), 1)
     team = [(int(generator.integers(len(graph.vertices))), -1, 0)] * members
     for _ in range(4):
-        places, targets, remaining = np.array(team).T
-        plan = plan_team(ground, belief, places, targets, remaining, 6, width=width, budget=1)
+        places, towards, remaining = np.array(team).T
+        plan = plan_team(ground, belief, places, towards, remaining, 6, width=width, budget=1)
         assert plan.values.max() <= plan.bound + ROUNDING
-        allowed = joint_moves(ways, heard, places, targets, remaining).tolist()
+        allowed = joint_moves(ways, near, places, towards, remaining).tolist()
         assert all(move in allowed for move in plan.moves.tolist())
         move = plan.moves[choose(plan.values, 0.05, float(generator.random()))].tolist()
         for i, to in enumerate(move):
@@ -62,6 +62,6 @@ def test_whatever_a_group_decides_keeps_it_together(seed: int, members: int, wid
                 way = int(np.flatnonzero((ways.tail == team[i][0]) & (ways.head == to))[0])
                 team[i] = (team[i][0], to, int(ways.steps[way]) + 1)
         assert any(left for _, _, left in team)
-        assert stays_together(heard, team)
+        assert stays_together(near, team)
         soon = min(left for _, _, left in team if left)
         team = [(to, -1, 0) if left == soon else (at, to, max(0, left - soon)) for at, to, left in team]

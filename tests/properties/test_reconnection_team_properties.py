@@ -330,7 +330,7 @@ def test_what_nobody_decides_goes_as_foreseen(data: st.DataObject) -> None:
 def test_a_group_that_cannot_move_waits() -> None:
     # Heard only within a vertex and between 0 and 2, which no way joins: neither may go, nor both.
     graph = Graph(((0, 0), (1, 0), (2, 0)), ((0, 1, 1.0), (1, 2, 2.5)), links=((0, 2),))
-    heard: Bools = hearing(graph)
+    near: Bools = hearing(graph)
     motions = [Motion(0), Motion(2)]
     assert not list(_decisions(graph, motions))
-    assert joint_moves(ways_of(graph, 1), heard, *arrays(motions)).tolist() == [[-1, -1]]
+    assert joint_moves(ways_of(graph, 1), near, *arrays(motions)).tolist() == [[-1, -1]]

@@ -34,7 +34,7 @@ SAME = 1e-12
 
 class Case(NamedTuple):
     ways: Ways
-    heard: Bools
+    hearing: Bools
     models: list[Model]
     ground: Ground
     beliefs: list[Floats]
@@ -44,12 +44,12 @@ class Case(NamedTuple):
 
 def case_of(graph: Graph, generator: np.random.Generator, horizon: int, miss: float = 0.0) -> Case:
     """One to three targets, that may move unlike each other, anywhere."""
-    ways, heard = ways_of(graph, 2), hearing(graph)
+    ways, near = ways_of(graph, 2), hearing(graph)
     kinds = [walk_model(graph, ways), walk_model(graph, ways, holding="normal", spread=0.3)]
     models = [kinds[generator.integers(2)] for _ in range(generator.integers(1, 4))]
     beliefs = [generator.random(model.states) ** 4 for model in models]
     beliefs = [belief / belief.sum() for belief in beliefs]
-    return Case(ways, heard, models, ground_of(ways, heard, models), beliefs, miss, horizon)
+    return Case(ways, near, models, ground_of(ways, near, models), beliefs, miss, horizon)
 
 
 def small_case(generator: np.random.Generator, most_vertices: int, longest: int) -> Case:
@@ -63,20 +63,20 @@ def random_team(generator: np.random.Generator, case: Case, members: int) -> lis
     while True:
         team: list[Member] = []
         for _ in range(members):
-            place = int(generator.integers(len(case.heard)))
+            place = int(generator.integers(len(case.hearing)))
             to, steps = ways_out(case.ways, place)[0]
             team.append(
                 [(place, -1, 0), (place, to, int(generator.integers(1, steps + 2))), (place, place, 2)][
                     generator.choice(3, p=[0.6, 0.25, 0.15])
                 ]
             )
-        if stays_together(case.heard, team):
+        if stays_together(case.hearing, team):
             return team
 
 
 def arrays(team: list[Member]) -> tuple[Ints, Ints, Ints]:
-    places, targets, remaining = np.array(team, dtype=np.int64).T
-    return places, targets, remaining
+    places, towards, remaining = np.array(team, dtype=np.int64).T
+    return places, towards, remaining
 
 
 def planned(case: Case, team: list[Member], **options: float) -> TeamPlan:
@@ -95,16 +95,16 @@ def tried_out(seed: int, members: int, longest: int) -> tuple[Case, list[Member]
 
 def by_trying(case: Case, team: list[Member]) -> dict[Decision, float]:
     targets = targets_of(case.models, case.beliefs)
-    return best_joint(case.ways, targets, case.heard, team, case.horizon, case.miss)
+    return best_joint(case.ways, targets, case.hearing, team, case.horizon, case.miss)
 
 
 def test_one_searcher_finds_what_trying_all_paths_finds() -> None:
     for seed in range(200):
         generator = np.random.default_rng(seed)
         case = small_case(generator, 9, 9)
-        vertex = int(generator.integers(len(case.heard)))
+        vertex = int(generator.integers(len(case.hearing)))
         targets = targets_of(case.models, case.beliefs)
-        tried = best_alone(case.ways, targets, case.heard, vertex, case.horizon, case.miss)
+        tried = best_alone(case.ways, targets, case.hearing, vertex, case.horizon, case.miss)
         for slack in (0.0, 0.05, 0.5):
             plan = plan_alone(case.ground, case.beliefs, vertex, case.horizon, miss=case.miss, slack=slack)
             assert plan.first.tolist() == sorted(tried)
@@ -119,7 +119,7 @@ def test_the_best_path_is_worth_what_is_said() -> None:
     for seed in range(20):
         generator = np.random.default_rng(seed)
         case = small_case(generator, 9, 12)
-        vertex = int(generator.integers(len(case.heard)))
+        vertex = int(generator.integers(len(case.hearing)))
         plan = plan_alone(case.ground, case.beliefs, vertex, case.horizon, miss=case.miss)
         at, seen = vertex, []
         for to in plan.best_path:
@@ -127,7 +127,7 @@ def test_the_best_path_is_worth_what_is_said() -> None:
             seen += [(at,)] * steps + [(to,)]
             at = to
         assert len(seen) >= case.horizon > 0
-        value = worth(targets_of(case.models, case.beliefs), case.heard, seen[: case.horizon], case.miss)
+        value = worth(targets_of(case.models, case.beliefs), case.hearing, seen[: case.horizon], case.miss)
         assert value == pytest.approx(plan.values.max(), abs=SAME)
 
 
@@ -179,7 +179,7 @@ def test_a_group_of_one_plans_as_a_lone_searcher() -> None:
     for seed in range(20):
         generator = np.random.default_rng(seed)
         case = small_case(generator, 9, 12)
-        vertex = int(generator.integers(len(case.heard)))
+        vertex = int(generator.integers(len(case.hearing)))
         alone = plan_alone(case.ground, case.beliefs, vertex, case.horizon, miss=case.miss)
         group = planned(case, [(vertex, -1, 0)])
         assert group.moves[:, 0].tolist() == alone.first.tolist()
@@ -191,10 +191,10 @@ def test_joint_moves_are_the_safe_ones_in_order() -> None:
         generator = np.random.default_rng(seed)
         case = small_case(generator, 7, 1)
         team = random_team(generator, case, int(generator.integers(1, 5)))
-        tried = [list(decision) for decision, _ in decisions(case.ways, case.heard, team)]
-        found = joint_moves(case.ways, case.heard, *arrays(team))
+        tried = [list(decision) for decision, _ in decisions(case.ways, case.hearing, team)]
+        found = joint_moves(case.ways, case.hearing, *arrays(team))
         assert found.tolist() == (tried or [[-1] * len(team)])
-        once = joint_moves(case.ways, case.heard, *arrays(team), once=True).tolist()
+        once = joint_moves(case.ways, case.hearing, *arrays(team), once=True).tolist()
         kinds = {move: tuple(sorted(zip(team, move, strict=True))) for move in map(tuple, found.tolist())}
         assert len(once) == len(set(kinds.values()))
         assert {kinds[tuple(move)] for move in once} == set(kinds.values())
@@ -203,9 +203,9 @@ def test_joint_moves_are_the_safe_ones_in_order() -> None:
 def test_more_joint_moves_than_are_looked_at_together() -> None:
     spokes = 40
     star = Graph(((0.0, 0.0),) * (spokes + 1), tuple((0, i, 1.0) for i in range(1, spokes + 1)))
-    ways, heard = ways_of(star, 2), hearing(star)
-    found = joint_moves(ways, heard, np.zeros(2), np.full(2, -1), np.zeros(2))
-    wanted = decisions(ways, heard, [(0, -1, 0)] * 2)
+    ways, near = ways_of(star, 2), hearing(star)
+    found = joint_moves(ways, near, np.zeros(2), np.full(2, -1), np.zeros(2))
+    wanted = decisions(ways, near, [(0, -1, 0)] * 2)
     assert found.tolist() == [list(decision) for decision, _ in wanted]
     assert len(found) == 3 * spokes  # one leaves, or both go the same way
 
@@ -217,10 +217,10 @@ def test_safe_follows_the_team_to_the_last_arrival() -> None:
         case = small_case(generator, 7, 1)
         team = []
         for _ in range(generator.integers(1, 5)):
-            place, left = int(generator.integers(len(case.heard))), int(generator.integers(4))
+            place, left = int(generator.integers(len(case.hearing))), int(generator.integers(4))
             team.append((place, int(generator.choice([w for w, _ in ways_out(case.ways, place)])), left))
-        verdict = stays_together(case.heard, team)
-        assert kernels.safe(*arrays(team), case.heard) == verdict
+        verdict = stays_together(case.hearing, team)
+        assert kernels.safe(*arrays(team), case.hearing) == verdict
         verdicts.append(verdict)
     assert 0.1 < np.mean(verdicts) < 0.9
 
@@ -232,7 +232,7 @@ def test_a_group_that_can_go_nowhere_stays() -> None:
     plan = planned(case, team)
     assert plan.moves.tolist() == [[-1, -1]]
     assert plan.values.tolist() == pytest.approx(list(by_trying(case, team).values()), abs=SAME)
-    apart = joint_moves(case.ways, case.heard, np.array([0, 3]), np.full(2, -1), np.zeros(2))
+    apart = joint_moves(case.ways, case.hearing, np.array([0, 3]), np.full(2, -1), np.zeros(2))
     assert apart.tolist() == [[-1, -1]]
 
 
@@ -269,6 +269,6 @@ def test_what_does_not_fit_is_named() -> None:
     with pytest.raises(ValueError, match="slack: must be at least 0 and less than 1, not 2"):
         plan_alone(case.ground, case.beliefs, 0, 4, slack=2)
     with pytest.raises(ValueError, match="models: names no target"):
-        ground_of(case.ways, case.heard, [])
+        ground_of(case.ways, case.hearing, [])
     with pytest.raises(ValueError, match="must all be of one environment"):
-        ground_of(case.ways, case.heard[:-1, :-1], case.models)
+        ground_of(case.ways, case.hearing[:-1, :-1], case.models)

@@ -1,7 +1,8 @@
 """Inner loops, compiled. What calls these functions from compiled code belongs into this module: caches of
 compiled code notice changes of their own file only.
 
-Arrays as in `model.Model` and `model.Ways`; F: float64, I: int64, B: bool.
+Arrays as in `model.Model` and `model.Ways`. F[...], I[...] and B[...] are arrays of float64, int64 and
+bool, their shape in the brackets.
 """
 
 from __future__ import annotations
@@ -11,27 +12,24 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from agent.behaviours.reconnection.planner_arrays import Beam, Ground, Room
 from agent.compiling import announce
+from channels.graphs import Bools, Floats, Ints
 
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-F = TypeVar("F", bound=Callable[..., Any])
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 announce()
 
 
-def compiled(function: F) -> F:
+def compiled(function: Function) -> Function:
     """Compiled at the first call, and kept on disk; the types are those of the Python function."""
     # The error model only spares a check for division by 0 that keeps loops from being vectorised.
     kept: Any = njit(cache=True, error_model="numpy")(function)
     return kept  # type: ignore[no-any-return]
 
 
-def inner(function: F) -> F:
+def inner(function: Function) -> Function:
     """The same for what only compiled code calls: it takes half as long to compile."""
     options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     kept: Any = njit(cache=True, error_model="numpy", **options)(function)
@@ -48,7 +46,7 @@ def advance(
     belief: Floats,
     after: Floats,
 ) -> None:
-    """F q (Eqs. 3-6): `after` becomes what `belief`, both F[S], is one step later."""
+    """The operator of Eqs. 3-6: `after` becomes what `belief` is one step later. Both are F[S]."""
     # Whoever has been somewhere for as long as can be leaves: its hazard is 1, and the 0 that is written one
     # state further on is what the first state of the next augmented vertex begins with.
     after[0] = 0.0
@@ -134,8 +132,8 @@ def mass_of_places(first: Ints, place: Ints, belief: Floats, mass: Floats) -> No
 
 
 @compiled
-def together(places: Ints, targets: Ints, remaining: Ints, time: int, heard: Bools) -> bool:
-    """Whether the members, B, are one network so many steps from now, if nobody decides anything more."""
+def together(places: Ints, towards: Ints, remaining: Ints, time: int, hearing: Bools) -> bool:
+    """Whether all members are one network so many steps from now, if nobody decides anything more."""
     members = len(places)
     reached, todo = 1, 1
     while todo:
@@ -143,19 +141,19 @@ def together(places: Ints, targets: Ints, remaining: Ints, time: int, heard: Boo
         while not (todo >> i) & 1:
             i += 1
         todo &= ~(1 << i)
-        here = targets[i] if 0 < remaining[i] <= time else places[i]
+        here = towards[i] if 0 < remaining[i] <= time else places[i]
         for j in range(members):
             if not (reached >> j) & 1:
-                there = targets[j] if 0 < remaining[j] <= time else places[j]
-                if heard[here, there]:
+                there = towards[j] if 0 < remaining[j] <= time else places[j]
+                if hearing[here, there]:
                     reached |= 1 << j
                     todo |= 1 << j
     return reached == (1 << members) - 1
 
 
 @inner
-def between(places: Ints, targets: Ints, remaining: Ints, heard: Bools) -> bool:
-    """Whether they are one network after every arrival but the last, if nobody decides anything more."""
+def between(places: Ints, towards: Ints, remaining: Ints, hearing: Bools) -> bool:
+    """Whether all are one network after every arrival but the last, if nobody decides anything more."""
     time, last = 0, 0
     for i in range(len(places)):
         last = max(last, remaining[i])
@@ -167,21 +165,21 @@ def between(places: Ints, targets: Ints, remaining: Ints, heard: Bools) -> bool:
         time = after
         if time == last:
             return True
-        if not together(places, targets, remaining, time, heard):
+        if not together(places, towards, remaining, time, hearing):
             return False
 
 
 @compiled
-def safe(places: Ints, targets: Ints, remaining: Ints, heard: Bools) -> bool:
-    """Whether a team, B, stays one network until all on the way have arrived, if nobody decides any more.
+def safe(places: Ints, towards: Ints, remaining: Ints, hearing: Bools) -> bool:
+    """Whether a team stays one network until all on the way have arrived, if nobody decides any more.
 
-    Arrays I[members] (at most 62): `places`; `targets`, where those on the way go (their own place: they
-    return; any number for the others); `remaining`, steps to the arrival, 0 for those at a vertex. `heard`:
+    Arrays I[members] (at most 62): `places`; `towards`, where those on the way go (their own place: they
+    return; any number for the others); `remaining`, steps to the arrival, 0 for those at a vertex. `hearing`:
     B[V, V]. Whoever is on the way is heard as from its place until it arrives.
     """
-    now = together(places, targets, remaining, 0, heard)
-    then = together(places, targets, remaining, 1 << 60, heard)
-    return now and then and between(places, targets, remaining, heard)
+    now = together(places, towards, remaining, 0, hearing)
+    then = together(places, towards, remaining, 1 << 60, hearing)
+    return now and then and between(places, towards, remaining, hearing)
 
 
 @inner
@@ -195,14 +193,14 @@ def distinct(places: Ints, remaining: Ints, choice: Ints) -> bool:
 
 
 @inner
-def label(at: Ints, heard: Bools, part: Ints) -> None:
+def label(at: Ints, hearing: Bools, part: Ints) -> None:
     """`part[i]`: the network that member i is in without the last member; `part[-1]`: them all, as bits."""
     last = len(at) - 1
     part[last] = 0
     for i in range(last):
         part[i] = i
         for j in range(i):
-            if part[j] != i and heard[at[i], at[j]]:
+            if part[j] != i and hearing[at[i], at[j]]:
                 old = part[j]
                 for n in range(i):
                     if part[n] == old:
@@ -216,9 +214,9 @@ def gather(
     start: Ints,
     head: Ints,
     steps: Ints,
-    heard: Bools,
+    hearing: Bools,
     places: Ints,
-    targets: Ints,
+    towards: Ints,
     remaining: Ints,
     once: bool,
     changed: int,
@@ -251,7 +249,7 @@ def gather(
             choice[changed] += 1
         latest, soonest = 0, 1 << 60
         for i in range(last + 1):
-            to[n, i], left[n, i] = targets[i], remaining[i]
+            to[n, i], left[n, i] = towards[i], remaining[i]
             if choice[i] >= 0:
                 way = start[places[i]] + choice[i]
                 to[n, i], left[n, i] = head[way], steps[way] + 1
@@ -260,16 +258,16 @@ def gather(
             latest = max(latest, left[n, i])
             soonest = min(soonest, left[n, i] if left[n, i] > 0 else soonest)
         if changed < last or last == 0:
-            label(at, heard, part)
+            label(at, hearing, part)
         joined = 0
         for i in range(last):
-            if heard[at[last], at[i]]:
+            if hearing[at[last], at[i]]:
                 joined |= 1 << part[i]
         changed = -1
         if (
             joined == part[last]
             and latest > 0
-            and (soonest == latest or between(places, to[n], left[n], heard))
+            and (soonest == latest or between(places, to[n], left[n], hearing))
             and (not once or distinct(places, remaining, choice))
         ):
             n += 1
@@ -317,14 +315,14 @@ def hopeless(bound: float, own: float, best: float, slack: float) -> bool:
 
 
 @inner
-def look(ground: Ground, q: Floats, c: Floats, vertex: int, miss: float) -> None:
-    """Observe from a vertex: what is seen of q, F[S], goes to c."""
+def hear_from(ground: Ground, q: Floats, c: Floats, vertex: int, miss: float) -> None:
+    """Observe from a vertex: what is heard of q, F[S], goes to c."""
     for n in range(ground.near_start[vertex], ground.near_start[vertex + 1]):
-        look_at(ground, q, c, ground.near_at[n], miss)
+        hear_place(ground, q, c, ground.near_at[n], miss)
 
 
 @inner
-def look_at(ground: Ground, q: Floats, c: Floats, place: int, miss: float) -> None:
+def hear_place(ground: Ground, q: Floats, c: Floats, place: int, miss: float) -> None:
     """Observe one place, once."""
     for n in range(ground.here_start[place], ground.here_start[place + 1]):
         a = ground.here_at[n]
@@ -372,18 +370,18 @@ def gain(ground: Ground, flow: Floats, inflow: Floats, before: int, now: int, ke
         if inflow[p] > 0.0:
             for m in range(ground.into_start[p], ground.into_start[p + 1]):
                 e = ground.into_at[m]
-                total += flow[e] * (kept if ground.heard[before, ground.pair_tail[e]] else 1.0)
+                total += flow[e] * (kept if ground.hearing[before, ground.pair_tail[e]] else 1.0)
     return total
 
 
 @compiled
-def soonest(ground: Ground, places: Ints, targets: Ints, remaining: Ints, soon: Ints) -> None:
+def soonest(ground: Ground, places: Ints, towards: Ints, remaining: Ints, soon: Ints) -> None:
     """After how many steps any member can be at each vertex at the soonest; `soon`, I[V], is high before."""
     for i in range(len(places)):
         soon[places[i]] = 0
     for i in range(len(places)):
         if remaining[i] > 0:
-            soon[targets[i]] = min(soon[targets[i]], remaining[i])
+            soon[towards[i]] = min(soon[towards[i]], remaining[i])
     changed = True
     while changed:
         changed = False
@@ -459,7 +457,7 @@ def stay(ground: Ground, q: Floats, c: Floats, at: int, known: int, wanted: int,
         step_on(ground, q[k - 1], q[k])
         for j in range(c.shape[1]):
             c[k, j] = c[k - 1, j]
-        look(ground, q[k], c[k], at, miss)
+        hear_from(ground, q[k], c[k], at, miss)
     return max(known, wanted)
 
 
@@ -565,7 +563,7 @@ def search_alone(
             reached = c[level + 1, 0]
             for j in range(len(reached)):
                 reached[j] = c[level, wanted, j]
-            look(ground, q[level + 1, 0], reached, path[level], miss)
+            hear_from(ground, q[level + 1, 0], reached, path[level], miss)
         if there >= horizon:
             value = either(reached)
             if value > values[first]:
@@ -585,7 +583,7 @@ def search_alone(
 
 
 @inner
-def look_around(ground: Ground, q: Floats, c: Floats, places: Ints, marks: Ints, miss: float) -> None:
+def hear_around(ground: Ground, q: Floats, c: Floats, places: Ints, marks: Ints, miss: float) -> None:
     """Observe from several places, each place that is heard once; `marks` as in Room."""
     marks[-1] += 1
     for i in range(len(places)):
@@ -593,12 +591,12 @@ def look_around(ground: Ground, q: Floats, c: Floats, places: Ints, marks: Ints,
             p = ground.near_at[n]
             if marks[p] != marks[-1]:
                 marks[p] = marks[-1]
-                look_at(ground, q, c, p, miss)
+                hear_place(ground, q, c, p, miss)
 
 
 @inner
-def watch(ground: Ground, room: Room, places: Ints, wanted: int, miss: float) -> None:
-    """A team stays where it is: `room.c[k]`, detected by step k, and `room.mass[k]`, what was where.
+def wait_and_hear(ground: Ground, room: Room, places: Ints, wanted: int, miss: float) -> None:
+    """A team stays where it is: `room.c[k]`, what it has heard by step k, `room.mass[k]`, what was where.
 
     For k up to `wanted`, from where it is known; then `room.known` says so.
     """
@@ -612,7 +610,7 @@ def watch(ground: Ground, room: Room, places: Ints, wanted: int, miss: float) ->
         for a in range(len(ground.place)):
             for s in range(ground.first[a], ground.first[a + 1]):
                 room.mass[k, ground.target[a], ground.place[a]] += q[s]
-        look_around(ground, q, room.c[k], places, room.marks, miss)
+        hear_around(ground, q, room.c[k], places, room.marks, miss)
         room.known[0] = k
 
 
@@ -624,10 +622,10 @@ def arrive(ground: Ground, beam: Beam, room: Room, step: int, slot: int, miss: f
         room.q[0, i] = beam.q[before, of, i]
     for k in range(1, step - before):
         step_on(ground, room.q[(k - 1) % 2], room.q[k % 2])
-        look_around(ground, room.q[k % 2], room.waste, beam.places[before, of], room.marks, miss)
+        hear_around(ground, room.q[k % 2], room.waste, beam.places[before, of], room.marks, miss)
     q = beam.q[step, slot]
     step_on(ground, room.q[(step - before - 1) % 2], q)
-    look_around(ground, q, room.waste, beam.places[step, slot], room.marks, miss)
+    hear_around(ground, q, room.waste, beam.places[step, slot], room.marks, miss)
 
 
 @inner
@@ -680,7 +678,7 @@ def mixed_places(places: Ints) -> int:
 
 
 @inner
-def before(beam: Beam, step: int, a: int, b: int) -> bool:
+def drops_before(beam: Beam, step: int, a: int, b: int) -> bool:
     """Whether slot a is to be dropped before slot b."""
     if beam.guide[step, a] != beam.guide[step, b]:
         return bool(beam.guide[step, a] < beam.guide[step, b])
@@ -691,14 +689,14 @@ def before(beam: Beam, step: int, a: int, b: int) -> bool:
 def sift(beam: Beam, step: int, n: int) -> None:
     """Put entry n of a step's heap into its place; the one to be dropped first is on top."""
     heap, size = beam.heap[step], beam.size[step]
-    while n > 0 and before(beam, step, heap[n], heap[(n - 1) // 2]):
+    while n > 0 and drops_before(beam, step, heap[n], heap[(n - 1) // 2]):
         heap[n], heap[(n - 1) // 2] = heap[(n - 1) // 2], heap[n]
         n = (n - 1) // 2
     while 2 * n + 1 < size:
         least = 2 * n + 1
-        if least + 1 < size and before(beam, step, heap[least + 1], heap[least]):
+        if least + 1 < size and drops_before(beam, step, heap[least + 1], heap[least]):
             least += 1
-        if not before(beam, step, heap[least], heap[n]):
+        if not drops_before(beam, step, heap[least], heap[n]):
             break
         heap[n], heap[least] = heap[least], heap[n]
         n = least
@@ -789,7 +787,7 @@ def follow(
         for i in range(members):
             k = min(k, room.left[n, i] if room.left[n, i] > 0 else k)
         then = min(step + k, horizon)
-        watch(ground, room, beam.places[step, slot], then - step, miss)
+        wait_and_hear(ground, room, beam.places[step, slot], then - step, miss)
         if step + k > horizon:
             values[first] = max(values[first], either(room.c[horizon - step]))
             room.best[0] = max(room.best[0], values[first])
@@ -853,7 +851,7 @@ def expand(
     room.known[0], room.found[0], count = 0, 0, len(room.chosen)
     while count == len(room.chosen):
         count = gather(
-            ground.start, ground.head, ground.steps, ground.heard, places, to, left, True,
+            ground.start, ground.head, ground.steps, ground.hearing, places, to, left, True,
             0 if room.found[0] == 0 else -1, room.choice, room.at, room.part, room.chosen, room.to, room.left,
         )  # fmt: skip
         if count == 0 and room.found[0] == 0:  # nothing is safe but to stay

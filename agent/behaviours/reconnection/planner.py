@@ -141,7 +141,7 @@ def plan_team(
     ground: Ground,
     beliefs: Sequence[Floats] | Floats,
     places: Ints,
-    targets: Ints,
+    towards: Ints,
     remaining: Ints,
     horizon: int,
     *,
@@ -152,7 +152,7 @@ def plan_team(
 ) -> TeamPlan:
     """Joint plans of a connected group: any-time, by beam search with the bound of branch and bound.
 
-    `places`, `targets`, `remaining`: I[m] of its members, as in `kernels.safe`; what they are committed to
+    `places`, `towards`, `remaining`: (m,), of its members, as in `kernels.safe`; what they are committed to
     must be safe. The rest as in `plan_alone`. Members decide when somebody arrives (and now): each that is
     at a vertex leaves it, or waits for the next arrival; a decision must be safe, and not all may wait
     while nobody is on the way. Of all joint states of one step, the search goes on from the most promising
@@ -162,11 +162,11 @@ def plan_team(
     belief = _flat(ground, beliefs, horizon, miss, slack)
     team = (
         np.array(places, dtype=np.int64),
-        np.array(targets, dtype=np.int64),
+        np.array(towards, dtype=np.int64),
         np.array(remaining, np.int64),
     )
     tables = _tables(ground, belief, team, horizon, miss, waiting=True)
-    moves = joint_moves(ground, ground.heard, *team, once=True)
+    moves = joint_moves(ground, ground.hearing, *team, once=True)
     room = room_of(ground, len(places), horizon, len(tables[0]), LEAN)
     values, nodes = np.full(len(moves), -1.0), 0
     while True:
@@ -184,7 +184,7 @@ def plan_team(
 
 
 def joint_moves(
-    ways: Ways | Ground, hearing: Bools, places: Ints, targets: Ints, remaining: Ints, *, once: bool = False
+    ways: Ways | Ground, hearing: Bools, places: Ints, towards: Ints, remaining: Ints, *, once: bool = False
 ) -> Ints:
     """All safe joint decisions of a group: (k, m), in lexicographic order; vertices, or -1.
 
@@ -193,7 +193,7 @@ def joint_moves(
     the way, so one robot alone never does; only where nothing else is safe is the answer one row of -1.
     `once`: of decisions that differ only by who of several members at one vertex does what, only the first.
     """
-    at, to, left = (np.array(array, dtype=np.int64) for array in (places, targets, remaining))
+    at, to, left = (np.array(array, dtype=np.int64) for array in (places, towards, remaining))
     members, changed = len(at), 0
     parts: list[Ints] = []
     choice = np.full(members, -1)

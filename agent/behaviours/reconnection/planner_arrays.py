@@ -30,7 +30,7 @@ class Ground(NamedTuple):
     head: Ints
     steps: Ints
     """(D,): as in `Ways`."""
-    heard: Bools
+    hearing: Bools
     """(V, V): from which vertices robots hear each other, themselves included."""
     near_start: Ints
     near_at: Ints
@@ -86,7 +86,7 @@ class Beam(NamedTuple):
     places: Ints
     to: Ints
     left: Ints
-    """(H, W, m): places, targets and remaining steps of the members."""
+    """(H, W, m): place of each member, where it is on the way to, and its remaining steps."""
     c: Floats
     """(H, W, T): what has been detected."""
     q: Floats
@@ -131,7 +131,7 @@ class Room(NamedTuple):
 
 
 def beam_of(ground: Ground, belief: Floats, team: tuple[Ints, Ints, Ints], horizon: int, width: int) -> Beam:
-    """Room for nodes, with the root in slot 0 of step 0. `team`: places, targets, remaining."""
+    """Room for nodes, with the root in slot 0 of step 0. `team`: places, towards, remaining."""
     members, targets = len(team[0]), len(ground.ends) - 1
     shape = (horizon, width)
     heap, number, key, history, first, before, of = np.zeros((7, *shape), dtype=np.int64)

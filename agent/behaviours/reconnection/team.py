@@ -67,10 +67,10 @@ def moved(motion: Motion) -> Motion:
 
 
 def arrays(motions: Iterable[Motion]) -> tuple[Ints, Ints, Ints]:
-    """Places, targets and remaining steps, as `kernels.safe` and `planner` take them."""
+    """Places, `towards` and remaining steps, as `kernels.safe` and `planner` take them."""
     table = np.array([(m.place, m.towards, m.left) for m in motions], dtype=np.int64).reshape(-1, 3)
-    places, targets, remaining = np.ascontiguousarray(table.T)
-    return places, targets, remaining
+    places, towards, remaining = np.ascontiguousarray(table.T)
+    return places, towards, remaining
 
 
 def networks(places: Mapping[int, int], hearing: Bools) -> list[tuple[int, ...]]:
