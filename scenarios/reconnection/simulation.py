@@ -17,8 +17,9 @@ from agent.behaviours.reconnection.belief import Outcome, mass_at
 from agent.behaviours.reconnection.knowledge import Expectation, Knowledge, heard_by, merged
 from agent.behaviours.reconnection.member import Member
 from agent.behaviours.reconnection.methods import Plan, Planner, Rules, due
-from agent.behaviours.reconnection.model import Bools, Model, Ways
+from agent.behaviours.reconnection.model import Model, Ways
 from agent.behaviours.reconnection.team import Motion, networks, targets_of
+from channels.graphs import Bools
 from channels.randomness import Draws
 
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 from scipy import stats
 
-Floats = NDArray[np.float64]
+from channels.graphs import Floats
+
 Interval = tuple[float, float]
 
 LEVEL = 0.95

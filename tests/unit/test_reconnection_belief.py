@@ -9,8 +9,8 @@ import pytest
 
 from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection.belief import Outcome
-from agent.behaviours.reconnection.model import Floats, walk_model, ways_of
-from channels.graphs import Graph, hearing
+from agent.behaviours.reconnection.model import walk_model, ways_of
+from channels.graphs import Floats, Graph, hearing
 from tests import reconnection_dense as dense
 
 PATH = Graph(vertices=((0, 0), (1, 0), (2, 0)), edges=((0, 1, 1.0), (1, 2, 1.0)))

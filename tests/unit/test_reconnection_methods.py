@@ -11,11 +11,11 @@ import pytest
 from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection.knowledge import Expectation, Knowledge
 from agent.behaviours.reconnection.methods import METHODS, Plan, Planner, Rules, due
-from agent.behaviours.reconnection.model import Floats, walk_model, ways_of
+from agent.behaviours.reconnection.model import walk_model, ways_of
 from agent.behaviours.reconnection.planner import SLACK, joint_moves, plan_alone, plan_team
 from agent.behaviours.reconnection.planner_arrays import ground_of
 from agent.behaviours.reconnection.team import Motion, arrays, departed, moved
-from channels.graphs import Graph, hearing
+from channels.graphs import Floats, Graph, hearing
 
 LENGTHS = (0.5, 1.0, 2.0, 1.0, 0.5)
 RING = Graph(

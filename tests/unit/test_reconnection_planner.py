@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from agent.behaviours.reconnection import kernels
-from agent.behaviours.reconnection.model import Floats, Ints, Model, Ways, walk_model, ways_of
+from agent.behaviours.reconnection.model import Model, Ways, walk_model, ways_of
 from agent.behaviours.reconnection.planner import TeamPlan, choose, joint_moves, plan_alone, plan_team
 from agent.behaviours.reconnection.planner_arrays import Ground, ground_of
-from channels.graphs import Bools, Graph, hearing
+from channels.graphs import Bools, Floats, Graph, Ints, hearing
 from tests.reconnection_plans import (
     Decision,
     Member,

@@ -10,9 +10,9 @@ import pytest
 
 from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection import pieces, wire
-from agent.behaviours.reconnection.model import Floats, walk_model, ways_of
+from agent.behaviours.reconnection.model import walk_model, ways_of
 from agent.behaviours.reconnection.wire import WireError
-from channels.graphs import Graph
+from channels.graphs import Floats, Graph
 
 BELIEF = np.array([0.0, 0.5, 0.0, 0.25, 0.25])
 EXACT = bytes((2, 5, 0, 0b01011000)) + struct.pack("<3d", 0.5, 0.25, 0.25)

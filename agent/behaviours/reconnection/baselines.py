@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agent.behaviours.reconnection.model import Bools, Ints, Ways
+from agent.behaviours.reconnection.model import Ways
 from agent.behaviours.reconnection.planner import joint_moves
 from agent.behaviours.reconnection.team import Motion, arrays
+from channels.graphs import Bools, Ints
 
 Ages = tuple[int, ...]
 

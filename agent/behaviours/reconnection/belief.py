@@ -13,7 +13,8 @@ from enum import Enum
 import numpy as np
 
 from agent.behaviours.reconnection import kernels
-from agent.behaviours.reconnection.model import Bools, Floats, Model
+from agent.behaviours.reconnection.model import Model
+from channels.graphs import Bools, Floats
 
 
 class Outcome(Enum):

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from agent.behaviours.reconnection.environment_parts import Bools, Floats, Ints, scaled, thinned
-from channels.graphs import Graph, Rectangle
+from agent.behaviours.reconnection.environment_parts import scaled, thinned
+from channels.graphs import Bools, Floats, Graph, Ints, Rectangle
 from channels.randomness import Draws
 
 WALL = 0.1

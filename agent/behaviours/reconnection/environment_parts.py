@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from channels.graphs import Graph, Rectangle
+from channels.graphs import Floats, Graph, Ints, Rectangle
 from channels.randomness import Draws
-
-Ints: TypeAlias = NDArray[np.int64]
-Floats: TypeAlias = NDArray[np.float64]
-Bools: TypeAlias = NDArray[np.bool_]
 
 MARGIN = 0.5
 """How far vertices are from the sides of the area at least, in units."""

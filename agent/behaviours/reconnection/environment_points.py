@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from agent.behaviours.reconnection.environment_parts import Bools, Floats, Ints, lengths_of, scaled, thinned
-from channels.graphs import Graph
+from agent.behaviours.reconnection.environment_parts import lengths_of, scaled, thinned
+from channels.graphs import Bools, Floats, Graph, Ints
 from channels.randomness import Draws
 
 _DARTS = 200

@@ -15,9 +15,9 @@ import numpy as np
 from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection.belief import Outcome
 from agent.behaviours.reconnection.mixture import aligned, blended, willingness
-from agent.behaviours.reconnection.model import Bools, Floats, Model, Ways, standing, walk_model
+from agent.behaviours.reconnection.model import Model, Ways, standing, walk_model
 from agent.behaviours.reconnection.team import Motion, sinks, way_between
-from channels.graphs import Graph
+from channels.graphs import Bools, Floats, Graph
 
 
 class Expectation:

@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from agent.behaviours.reconnection.model import Floats, Ints, Ways, uniform
+from agent.behaviours.reconnection.model import Ways, uniform
+from channels.graphs import Floats, Ints
 
 
 class History:

@@ -11,10 +11,11 @@ from msgspec import Struct
 from agent.behaviours.reconnection import kernels
 from agent.behaviours.reconnection.baselines import Ages, persistent_moves, random_moves
 from agent.behaviours.reconnection.knowledge import Expectation, Knowledge
-from agent.behaviours.reconnection.model import Bools, Ints, Model, Ways
+from agent.behaviours.reconnection.model import Model, Ways
 from agent.behaviours.reconnection.planner import BUDGET, SLACK, WIDTH, choose, plan_alone, plan_team
 from agent.behaviours.reconnection.planner_arrays import Ground, ground_of
 from agent.behaviours.reconnection.team import Motion, arrays, departed, turn_backs, turned_back
+from channels.graphs import Bools, Ints
 
 Method: TypeAlias = Literal["semi-markov", "persistent", "random"]
 METHODS: tuple[Method, ...] = ("semi-markov", "persistent", "random")

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from agent.behaviours.reconnection.model import Floats, Ints, Model
+from agent.behaviours.reconnection.model import Model
+from channels.graphs import Floats, Ints
 
 
 def aligned(*models: Model) -> tuple[Model, ...]:

@@ -16,13 +16,9 @@ from typing import TypeAlias
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
-from channels.graphs import Graph, neighbours
-
-Ints: TypeAlias = NDArray[np.int64]
-Floats: TypeAlias = NDArray[np.float64]
-Bools: TypeAlias = NDArray[np.bool_]
+from channels.graphs import Bools as Bools  # scores import it from here
+from channels.graphs import Floats, Graph, Ints, neighbours
 
 Distribution: TypeAlias = Sequence[float] | Floats
 """Of a number of steps: entry k - 1 is the probability of k."""

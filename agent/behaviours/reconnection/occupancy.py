@@ -12,17 +12,11 @@ One block is one unit; x goes to the right and y upwards from the image's lower 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
-from channels.graphs import MOST_VERTICES, Graph, Rectangle
-
-Ints: TypeAlias = NDArray[np.int64]
-Floats: TypeAlias = NDArray[np.float64]
-Bools: TypeAlias = NDArray[np.bool_]
+from channels.graphs import MOST_VERTICES, Bools, Floats, Graph, Ints, Rectangle
 
 FREE = 0.196
 """Pixels less dark than this, of 0 (white) to 1 (black), are free: as ROS's map_server's `free_thresh`."""

@@ -31,9 +31,9 @@ from msgspec import Struct
 from numpy.typing import ArrayLike
 
 from agent.behaviours.reconnection import kernels
-from agent.behaviours.reconnection.model import Floats, Ints, Ways
+from agent.behaviours.reconnection.model import Ways
 from agent.behaviours.reconnection.planner_arrays import CHUNK, Ground, beam_of, room_of
-from channels.graphs import Bools
+from channels.graphs import Bools, Floats, Ints
 
 SLACK = 0.05
 """First moves this share below the best are as good as the best: to choose among them at random breaks

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agent.behaviours.reconnection.model import Bools, Floats, Ints, Model, Ways
+from agent.behaviours.reconnection.model import Model, Ways
+from channels.graphs import Bools, Floats, Ints
 
 CHUNK = 256
 """How many joint choices are looked at together."""

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from agent.behaviours.reconnection import kernels
-from agent.behaviours.reconnection.model import Bools, Ints, Ways
+from agent.behaviours.reconnection.model import Ways
+from channels.graphs import Bools, Ints
 
 
 class Motion(NamedTuple):

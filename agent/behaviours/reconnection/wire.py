@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from agent.behaviours.reconnection.model import Bools, Floats, Ints
+from channels.graphs import Bools, Floats, Ints
 
 BITS = 8
 KEEP = 0.999
