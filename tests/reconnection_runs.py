@@ -10,7 +10,7 @@ from emulator.scenario_file import load
 from logs.reader import LogReader
 from scenarios.reconnection.emulated import EmulatedParameters, overrides
 from scenarios.reconnection.score_history import History, read
-from scenarios.reconnection.simulation import Course, Search
+from scenarios.reconnection.simulation import Result, Search
 from scenarios.reconnection.study_reconnection import search_of
 
 SHIPPED = (files("scenarios.reconnection") / "reconnection.toml").read_text()
@@ -43,7 +43,7 @@ def emulated(
         return read(log)
 
 
-def simulated(parameters: EmulatedParameters, seed: int) -> tuple[Course, Told]:
+def simulated(parameters: EmulatedParameters, seed: int) -> tuple[Result, Told]:
     """The same by the simulation."""
     told: Told = []
 

@@ -157,10 +157,10 @@ def _run(parameters: EmulatedParameters, seed: int) -> EmulatedRun:
     moves, turned = found["moves"]["total"], found["turned_back"]
     same = None
     if parameters.compare:
-        course = search_of(parameters, seed).run(parameters.random_steps, parameters.limit)
-        expected = course.steps, course.connected
+        result = search_of(parameters, seed).run(parameters.random_steps, parameters.limit)
+        expected = result.steps, result.connected
         same = expected == (steps, connected) and (
-            course.stuck or (course.moves, course.turned) == (moves, turned)
+            result.stuck or (result.moves, result.turned) == (moves, turned)
         )
     return EmulatedRun(
         seed,

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from agent.behaviours.reconnection.belief import by_place
 from scenarios.figures import Cell, Figure, Run, Table
-from scenarios.reconnection.simulation import Course, Search
+from scenarios.reconnection.simulation import Result, Search
 from scenarios.reconnection.study_reconnection import (
     ReconnectionParameters,
     check,
@@ -71,8 +71,8 @@ def _traced(parameters: ReconnectionParameters, seed: int) -> Traced:
             met.append(step)
         company.append(near)
 
-    course = _run(parameters, seed, listen)
-    wanted = instants(parameters.random_steps, course.steps, met)
+    result = _run(parameters, seed, listen)
+    wanted = instants(parameters.random_steps, result.steps, met)
     seen: list[Seen] = []
 
     def look(step: int, search: Search) -> None:
@@ -83,7 +83,7 @@ def _traced(parameters: ReconnectionParameters, seed: int) -> Traced:
     return Traced(list(graph.vertices), [(a, b) for a, b, _ in graph.edges], seen)
 
 
-def _run(parameters: ReconnectionParameters, seed: int, watch: Any) -> Course:
+def _run(parameters: ReconnectionParameters, seed: int, watch: Any) -> Result:
     return search_of(parameters, seed).run(parameters.random_steps, parameters.limit, watch)
 
 

@@ -23,7 +23,7 @@ from channels.graphs import Bools
 from channels.randomness import Draws
 
 
-class Course(Struct, frozen=True):
+class Result(Struct, frozen=True):
     """How one search went. Steps count from the end of the random phase."""
 
     steps: int
@@ -103,7 +103,7 @@ class Search:
         """What numbers the states of beliefs."""
         return self._expected.model
 
-    def run(self, random_steps: int, limit: int, watch: Watch | None = None) -> Course:
+    def run(self, random_steps: int, limit: int, watch: Watch | None = None) -> Result:
         """Wander, then search, until the team is one network, or for `limit` steps."""
         step, seen = 0, _Recurrence() if self._repeats() else None
         while True:
@@ -115,10 +115,10 @@ class Search:
             done = ready and searched < limit and len(self.groups) == 1
             stuck = not done and ready and seen is not None and seen.again(self._state())
             if done or stuck or searched >= limit:
-                return self._course(searched if done else limit, done, stuck)
+                return self._result(searched if done else limit, done, stuck)
             self._decide(step, random_steps)
             if ready and self._loss is None and all(member.motion.free for member in self.members):
-                return self._course(limit, False, True)  # no group has a safe move, nor ever will
+                return self._result(limit, False, True)  # no group has a safe move, nor ever will
             if watch is None:
                 begins = step < random_steps
                 step += self._skipped((random_steps if begins else random_steps + limit) - step)
@@ -257,9 +257,9 @@ class Search:
                 digest.update(belief.round(_DIGITS).tobytes())
         return digest.digest()
 
-    def _course(self, steps: int, connected: bool, stuck: bool) -> Course:
+    def _result(self, steps: int, connected: bool, stuck: bool) -> Result:
         outcomes = {outcome.name: count for outcome, count in self._outcomes.items()}
-        return Course(steps=steps, connected=connected, stuck=stuck, outcomes=outcomes, **self._count)
+        return Result(steps=steps, connected=connected, stuck=stuck, outcomes=outcomes, **self._count)
 
 
 class _Recurrence:

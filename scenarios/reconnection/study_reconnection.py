@@ -23,14 +23,14 @@ from channels.graphs import starts as starts_of
 from channels.randomness import Draws
 from emulator.assemble import rng_seeds
 from emulator.scenario import numbered_ids
-from scenarios.reconnection.simulation import Course, Loss, Search
+from scenarios.reconnection.simulation import Loss, Result, Search
 from scenarios.study import Study, described, one_each, spread
 
 Kind = Literal["gridholes", "gabriel", "delaunay", "delaunay-thinned", "maze"]
 """`environments.KINDS`."""
 Steps = Annotated[int, Meta(ge=0, le=1_000_000)]
 
-MOST_VERTICES = 1000
+MOST_STUDY_VERTICES = 1000
 """The communication graph is a matrix, and beliefs have a number for each way and step."""
 
 
@@ -44,9 +44,9 @@ class ReconnectionParameters(Struct, frozen=True, kw_only=True, forbid_unknown_f
     environment: Annotated[
         Kind, Meta(description="kind of environment, a new one for each run: " + ", ".join(KINDS))
     ] = "gridholes"
-    vertices: Annotated[int, Meta(ge=2, le=MOST_VERTICES, description="vertices of the environment, n_e")] = (
-        150
-    )
+    vertices: Annotated[
+        int, Meta(ge=2, le=MOST_STUDY_VERTICES, description="vertices of the environment, n_e")
+    ] = 150
     graph: Annotated[str | None, Meta(description="file of a graph, in place of drawn environments")] = None
     starts: Annotated[
         str | None, Meta(description="where robots start, as 0,5; else in corners and the centre")
@@ -100,7 +100,7 @@ class Run(Struct, frozen=True):
     """One run, and the seed that makes it what it is."""
 
     seed: int
-    course: Course
+    result: Result
 
 
 def check(parameters: ReconnectionParameters) -> None:
@@ -109,9 +109,10 @@ def check(parameters: ReconnectionParameters) -> None:
     if parameters.graph is not None:
         graph = _read(parameters.graph)
         vertices = len(graph.vertices)
-        if vertices > MOST_VERTICES:
+        if vertices > MOST_STUDY_VERTICES:
             raise ValueError(
-                f"graph: {parameters.graph} has {vertices} vertices; a study takes {MOST_VERTICES} or less"
+                f"graph: {parameters.graph} has {vertices} vertices; "
+                f"a study takes {MOST_STUDY_VERTICES} or less"
             )
         if parameters.starts is None and graph.starts is not None and len(graph.starts) < parameters.robots:
             raise ValueError(
@@ -254,20 +255,20 @@ def summarise(parameters: ReconnectionParameters, partials: Sequence[list[Run]])
     `sd`, `se` are None for a single run.
     """
     runs = [run for partial in partials for run in partial]
-    courses = [run.course for run in runs]
-    times = [course.steps for course in courses]
+    results = [run.result for run in runs]
+    times = [result.steps for result in results]
     believes = parameters.method == "semi-markov"
     return {
         "steps": middle(times),
         "times": times,
         "seeds": [run.seed for run in runs],
-        "censored": sum(not course.connected for course in courses),
-        "stuck": sum(course.stuck for course in courses),
-        "moves": described(course.moves for course in courses),
-        "turned": described(course.turned for course in courses),
-        "plans": _plans(courses) if believes else None,
-        "beliefs": _beliefs(courses) if believes else None,
-        "broken": sum(course.broken for course in courses),
+        "censored": sum(not result.connected for result in results),
+        "stuck": sum(result.stuck for result in results),
+        "moves": described(result.moves for result in results),
+        "turned": described(result.turned for result in results),
+        "plans": _plans(results) if believes else None,
+        "beliefs": _beliefs(results) if believes else None,
+        "broken": sum(result.broken for result in results),
         "samples": len(runs),
     }
 
@@ -277,19 +278,19 @@ def middle(times: Sequence[int]) -> dict[str, float | None]:
     return spread(times) | {"median": float(np.median(times))}
 
 
-def _plans(courses: Sequence[Course]) -> dict[str, int]:
+def _plans(results: Sequence[Result]) -> dict[str, int]:
     return {
-        "teams": sum(course.plans for course in courses),
-        "proven": sum(course.proven for course in courses),
+        "teams": sum(result.plans for result in results),
+        "proven": sum(result.proven for result in results),
     }
 
 
-def _beliefs(courses: Sequence[Course]) -> dict[str, int]:
+def _beliefs(results: Sequence[Result]) -> dict[str, int]:
     wrong = ("nothing_left", "everything_heard", "disjoint")
     return {
-        "asked": sum(course.beliefs for course in courses),
-        "zero": sum(course.zero for course in courses),
-        **{name: sum(course.outcomes[name] for course in courses) for name in wrong},
+        "asked": sum(result.beliefs for result in results),
+        "zero": sum(result.zero for result in results),
+        **{name: sum(result.outcomes[name] for result in results) for name in wrong},
     }
 
 

@@ -177,14 +177,14 @@ def test_a_trace_is_of_the_run_that_the_study_makes() -> None:
     seed = int(generator("reconnection", 1, 0).integers(2**31))
     assert run_study(STUDY, TRACED, samples=1, jobs=1)["seeds"] == [seed]
     places: dict[int, list[int]] = {}
-    course = search_of(TRACED, seed).run(
+    result = search_of(TRACED, seed).run(
         20, TRACED.limit, lambda step, it: places.update({step: [each.motion.place for each in it.members]})
     )
     trace = traced(1)
     graph = graph_of(TRACED, seed)
     assert trace.vertices == list(graph.vertices)
     assert trace.seen[0].steps == 0
-    assert trace.seen[-1].steps == course.steps - 1
+    assert trace.seen[-1].steps == result.steps - 1
     heard = hearing(graph)
     for seen in trace.seen:
         assert seen.places == places[seen.steps + 20]

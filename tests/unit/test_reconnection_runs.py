@@ -42,21 +42,21 @@ def small(**changes: Any) -> EmulatedParameters:
 def test_robots_do_step_by_step_what_the_simulation_does(
     tmp_path: Path, seed: int, parameters: EmulatedParameters
 ) -> None:
-    course, expected = simulated(parameters, seed)
+    result, expected = simulated(parameters, seed)
     history = emulated(tmp_path, parameters, seed)
     assert told_by(history) == expected
     found = score_history(history)
     assert (found["reached"], found["steps"]) == (
-        course.connected,
-        course.steps if course.connected else None,
+        result.connected,
+        result.steps if result.connected else None,
     )
-    assert (found["moves"]["total"], found["turned_back"]) == (course.moves, course.turned)
+    assert (found["moves"]["total"], found["turned_back"]) == (result.moves, result.turned)
     assert found["broken"] == {"told": 0, "true": 0}
     assert found["agreement"]["same"] == found["agreement"]["asked"] == parameters.robots * len(expected)
-    wrong = {name: count for name, count in course.outcomes.items() if name != "usual"}
+    wrong = {name: count for name, count in result.outcomes.items() if name != "usual"}
     assert found["merges"]["wrong"] == wrong
     if parameters.method == "semi-markov" and parameters.robots > 2:
-        assert course.plans == found["plans"]["groups"]["plans"]
+        assert result.plans == found["plans"]["groups"]["plans"]
 
 
 def test_rounded_beliefs_take_a_fraction_of_the_bytes_and_lead_together_as_well(tmp_path: Path) -> None:

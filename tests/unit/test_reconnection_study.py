@@ -22,7 +22,7 @@ from channels.graphs import Graph, hearing
 from channels.randomness import Draws
 from emulator.assemble import rng_seeds
 from scenarios.reconnection import statistics
-from scenarios.reconnection.simulation import Course, Loss, Search
+from scenarios.reconnection.simulation import Loss, Result, Search
 from scenarios.reconnection.study_reconnection import (
     STUDY,
     Kind,
@@ -41,7 +41,7 @@ def result(samples: int, **parameters: Any) -> dict[str, Any]:
     return run_study(STUDY, ReconnectionParameters(**parameters), samples=samples, jobs=1)
 
 
-def course(seed: int = 1, watch: Any = None, **parameters: Any) -> Course:
+def one_result(seed: int = 1, watch: Any = None, **parameters: Any) -> Result:
     chosen = ReconnectionParameters(**parameters)
     return search_of(chosen, seed).run(chosen.random_steps, chosen.limit, watch)
 
@@ -120,7 +120,7 @@ def test_seeds_are_the_same_for_all_and_repeat_a_run_exactly() -> None:
     larger = result(20, method="random", robots=4, environment="maze", **SMALL | {"limit": 1})
     assert persistent["seeds"] == random["seeds"] == larger["seeds"]
     for i in (0, 7, 19):
-        assert course(random["seeds"][i], method="random", **SMALL).steps == random["times"][i]
+        assert one_result(random["seeds"][i], method="random", **SMALL).steps == random["times"][i]
     short = ReconnectionParameters(method="random", **SMALL | {"limit": 1})
     other = run_study(STUDY, short, samples=20, seed=2, jobs=1)
     assert not set(other["seeds"]) & set(random["seeds"])
@@ -140,7 +140,7 @@ def test_wandering_is_the_same_for_all_methods() -> None:
             if step <= 20:
                 places.append([member.motion for member in search.members])
 
-        course(3, look, method=method, **SMALL)
+        one_result(3, look, method=method, **SMALL)
         seen[method] = places
     assert seen["random"] == seen["persistent"] == seen["semi-markov"]
     assert len(seen["random"]) == 21
@@ -196,7 +196,7 @@ def test_no_team_ever_breaks_up(method: methods.Method, environment: Kind) -> No
     groups = 0
     for seed in range(3):
         witness = Witness(graph_of(ReconnectionParameters(**chosen), seed))
-        found = course(seed, witness, **chosen)
+        found = one_result(seed, witness, **chosen)
         assert witness.broken == found.broken == 0
         assert found.connected
         groups += witness.groups
@@ -209,7 +209,7 @@ def test_no_team_breaks_up_whatever_else_goes_on(chosen: dict[str, Any]) -> None
     for method in ("persistent", "semi-markov"):
         seeds = [0] if "tasks" in chosen else [0, 1]
         parameters = {"method": method, "robots": 4, "vertices": 30, "budget": 20, **chosen}
-        assert [course(seed, **parameters).broken for seed in seeds] == [0] * len(seeds)
+        assert [one_result(seed, **parameters).broken for seed in seeds] == [0] * len(seeds)
 
 
 def test_teams_that_break_up_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,7 +221,7 @@ def test_teams_that_break_up_are_counted(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(methods, "random_moves", anywhere)
     chosen = {"method": "random", "robots": 3, "limit": 1000, **SMALL}
     witness = Witness(graph_of(ReconnectionParameters(**chosen), 1))
-    found = course(1, witness, **chosen)
+    found = one_result(1, witness, **chosen)
     assert found.broken > 0
     assert found.broken == witness.broken
 
@@ -260,7 +260,7 @@ def test_whoever_has_tasks_searches_later() -> None:
 
 def test_robots_can_be_taken_for_neutral() -> None:
     chosen = {"robots": 2, "tasks": 2, **SMALL}
-    certain, mixed = course(4, **chosen), course(4, half=50.0, **chosen)
+    certain, mixed = one_result(4, **chosen), one_result(4, half=50.0, **chosen)
     assert certain.connected
     assert mixed.connected
     assert certain.steps != mixed.steps
@@ -308,7 +308,7 @@ def test_what_is_called_stuck_never_ends(tmp_path: Path) -> None:
 )
 def test_nothing_is_called_stuck_that_depends_on_chance_or_time(chosen: dict[str, Any]) -> None:
     parameters = {"robots": 2, "deterministic": True, "vertices": 20, "environment": "maze", **chosen}
-    assert not any(course(seed, **parameters).stuck for seed in range(4))
+    assert not any(one_result(seed, **parameters).stuck for seed in range(4))
 
 
 def test_runs_are_given_up_at_the_limit_and_counted() -> None:

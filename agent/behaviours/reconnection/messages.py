@@ -19,7 +19,7 @@ MOST_MEMBERS = 62
 """Compiled code keeps sets of members in the bits of one number."""
 MOST_STEPS = 2**31 - 1
 
-Member: TypeAlias = Annotated[int, Meta(ge=0, lt=MOST_MEMBERS)]
+Number: TypeAlias = Annotated[int, Meta(ge=0, lt=MOST_MEMBERS)]
 Vertex: TypeAlias = Annotated[int, Meta(ge=0, lt=MOST_VERTICES)]
 Towards: TypeAlias = Annotated[int, Meta(ge=-1, lt=MOST_VERTICES)]
 Count: TypeAlias = Annotated[int, Meta(ge=0, le=MOST_STEPS)]
@@ -41,11 +41,11 @@ class Course(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
 class Presence(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     """One robot, at one step."""
 
-    number: Member
+    number: Number
     course: Course
     searching: bool
     """Whether it has nothing else to do."""
-    former: Annotated[tuple[Member, ...], Meta(max_length=MOST_MEMBERS)]
+    former: Annotated[tuple[Number, ...], Meta(max_length=MOST_MEMBERS)]
     """Whom it was connected to at the step before, itself included: those share what it knows."""
     ages: Annotated[tuple[Count, ...], Meta(max_length=MOST_VERTICES)] = ()
     """For "persistent": see `baselines.Visits.ages`."""
@@ -62,7 +62,7 @@ class Piece(Struct, frozen=True, array_like=True, forbid_unknown_fields=True, ta
     """A piece of what a group knows, told by its lowest number: `pieces`, of `Facts`."""
 
     step: Count
-    teller: Member
+    teller: Number
     piece: bytes
 
 
@@ -70,14 +70,14 @@ class Decision(Struct, frozen=True, array_like=True, forbid_unknown_fields=True,
     """What a group does from now on, as decided by its lowest number."""
 
     step: Count
-    planner: Member
-    courses: Annotated[dict[Member, Course], Meta(max_length=MOST_MEMBERS)]
+    planner: Number
+    courses: Annotated[dict[Number, Course], Meta(max_length=MOST_MEMBERS)]
 
 
 class Fact(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     """What a group believes of one robot."""
 
-    robot: Member
+    robot: Number
     since: Count
     """Steps since the last contact."""
     belief: bytes
