@@ -90,7 +90,7 @@ def overrides(parameters: EmulatedParameters) -> list[str]:
     """What makes the shipped scenario one of these parameters."""
     same = ("method", "travel_steps", "random_steps", "horizon", "memory", "targets", "miss", "tasks")
     settings = {key: getattr(parameters, key) for key in (*same, "task_steps", "holding")}
-    settings |= {"deterministic": str(parameters.deterministic).lower(), "half_steps": parameters.half}
+    settings |= {"deterministic": str(parameters.deterministic).lower(), "half_steps": parameters.half_steps}
     graph = None if parameters.graph is None else graph_of(parameters, seed=0)
     return [
         f"run.duration_s={parameters.random_steps + parameters.limit + LAST_STEP_S}",

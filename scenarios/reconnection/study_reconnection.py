@@ -86,10 +86,10 @@ class ReconnectionParameters(Struct, frozen=True, kw_only=True, forbid_unknown_f
         int, Meta(ge=0, le=1000, description="tasks that each robot does before it searches")
     ] = 0
     task_steps: Annotated[int, Meta(ge=1, le=100_000, description="longest task [steps]")] = 10
-    half: Annotated[
+    half_steps: Annotated[
         float,
-        Meta(ge=0, le=1e9, description="steps without contact after which half believe that a robot has no "
-             "tasks left; 0: it never had any"),
+        Meta(ge=0, le=1e9, description="steps without contact after which a robot is believed to have no "
+             "tasks left with probability 1/2; 0: it never had any"),
     ] = 0.0  # fmt: skip
     holding: Annotated[
         Literal["uniform", "normal"], Meta(description="believed distribution of steps on a way")
@@ -227,7 +227,7 @@ def _expected(parameters: ReconnectionParameters, graph: Graph, ways: Ways) -> E
         random_steps=parameters.random_steps,
         tasks=parameters.tasks,
         task_steps=parameters.task_steps,
-        half=parameters.half,
+        half_steps=parameters.half_steps,
     )
 
 

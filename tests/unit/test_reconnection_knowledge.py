@@ -272,7 +272,7 @@ def _neutral() -> Model:
 
 
 def test_neutral_or_cooperative_it_moves_by_both() -> None:
-    expected = Expectation(MODEL, _neutral(), half=5.0)
+    expected = Expectation(MODEL, _neutral(), half_steps=5.0)
     both = (Dense(), Dense(STILL))
     at, steps = dense.states_of(expected.model)
     longest = max(each.longest for each in both)
@@ -297,7 +297,7 @@ def test_neutral_or_cooperative_it_moves_by_both() -> None:
 @pytest.mark.parametrize("since", [0, 1, 3, 5, 17, 400])
 def test_plans_blend_both_by_tenths(since: int) -> None:
     neutral = _neutral()
-    expected = Expectation(MODEL, neutral, half=5.0)
+    expected = Expectation(MODEL, neutral, half_steps=5.0)
     planned = expected.planned(since)
     tenths = round(10 * (1 - 2 ** (-since / 5)))
     cooperative, other = mixture.aligned(MODEL, neutral)
@@ -313,10 +313,10 @@ def test_one_model_is_planned_with_as_it_is() -> None:
     assert EXPECTED.model is MODEL
 
 
-@pytest.mark.parametrize("half", [0.0, -1.0, float("nan")])
-def test_when_neutral_ones_cooperate_must_be_said(half: float) -> None:
-    with pytest.raises(ValueError, match="half: must be more than 0 steps"):
-        Expectation(MODEL, _neutral(), half)
+@pytest.mark.parametrize("half_steps", [0.0, -1.0, float("nan")])
+def test_when_neutral_ones_cooperate_must_be_said(half_steps: float) -> None:
+    with pytest.raises(ValueError, match="half_steps: must be more than 0"):
+        Expectation(MODEL, _neutral(), half_steps)
 
 
 def test_a_place_is_heard_by_any() -> None:

@@ -190,7 +190,7 @@ def test_those_never_lost_can_be_searched_for(robots: int) -> None:
 
 def test_neutral_robots_are_planned_for_as_they_move() -> None:
     still = walk_model(RING, WAYS, dwell={v: [0.0] * 19 + [1.0] for v in range(10)})
-    expected = Expectation(MODEL, still, half=50.0)
+    expected = Expectation(MODEL, still, half_steps=50.0)
     believed = _at(5, 0, expected.model)
     known = Knowledge({}, {0: believed}, {0: 0})
     soon = _planner(expected, horizon=6).decided({1: Motion(3)}, (0,), known, {}, 0.0)

@@ -34,7 +34,7 @@ def small(**changes: Any) -> EmulatedParameters:
         (7, small(robots=3, method="persistent", travel_steps=1.0, environment="delaunay-thinned")),
         (8, small(robots=4, targets="upwards")),
         (9, small(robots=4, tasks=3, task_steps=5)),
-        (10, small(robots=4, tasks=2, half=20.0, holding="normal", random_steps=0)),
+        (10, small(robots=4, tasks=2, half_steps=20.0, holding="normal", random_steps=0)),
         (11, small(robots=3, deterministic=True, miss=0.2, horizon=8)),
         (12, small(robots=2, method="random", starts="3,17", random_steps=0, travel_steps=0.5)),
     ],

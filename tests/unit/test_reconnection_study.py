@@ -260,7 +260,7 @@ def test_whoever_has_tasks_searches_later() -> None:
 
 def test_robots_can_be_taken_for_neutral() -> None:
     chosen = {"robots": 2, "tasks": 2, **SMALL}
-    certain, mixed = one_result(4, **chosen), one_result(4, half=50.0, **chosen)
+    certain, mixed = one_result(4, **chosen), one_result(4, half_steps=50.0, **chosen)
     assert certain.connected
     assert mixed.connected
     assert certain.steps != mixed.steps
@@ -304,7 +304,7 @@ def test_what_is_called_stuck_never_ends(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "chosen",
-    [{"method": "random"}, {"method": "persistent"}, {"loss": 0.5}, {"tasks": 1, "half": 30.0}],
+    [{"method": "random"}, {"method": "persistent"}, {"loss": 0.5}, {"tasks": 1, "half_steps": 30.0}],
 )
 def test_nothing_is_called_stuck_that_depends_on_chance_or_time(chosen: dict[str, Any]) -> None:
     parameters = {"robots": 2, "deterministic": True, "vertices": 20, "environment": "maze", **chosen}

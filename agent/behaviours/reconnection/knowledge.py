@@ -23,7 +23,7 @@ from channels.graphs import Bools, Floats, Graph
 class Expectation:
     """How others are expected to move: a model, or two for robots that may be cooperative or neutral.
 
-    `half`: after how many steps without contact a robot cooperates with probability 1/2 (`mixture`).
+    `half_steps`: after how many steps without contact a robot cooperates with probability 1/2 (`mixture`).
     `still`: robots that search for nobody, and from step `still_from` on stay at the vertex they are at or
     come to. Raises ValueError where two models need one, or are of different graphs.
     """
@@ -32,20 +32,20 @@ class Expectation:
         self,
         cooperative: Model,
         neutral: Model | None = None,
-        half: float = 0.0,
+        half_steps: float = 0.0,
         *,
         still: Collection[int] = (),
         still_from: int = 0,
     ) -> None:
-        self._half = half
+        self._half_steps = half_steps
         self._still, self._still_from = still, still_from
         self._step = 0
         self._blends: dict[int, Model] = {}
         self._neutral: Model | None = None
         self._cooperative = cooperative
         if neutral is not None:
-            if not half > 0:
-                raise ValueError(f"half: must be more than 0 steps, is {half}")
+            if not half_steps > 0:
+                raise ValueError(f"half_steps: must be more than 0, is {half_steps}")
             self._cooperative, self._neutral = aligned(cooperative, neutral)
         self._standing = standing(self._cooperative) if still else self._cooperative
 
@@ -66,7 +66,7 @@ class Expectation:
             return beliefs.step(self._standing, heard, belief, miss)
         if self._neutral is None:
             return beliefs.step(self._cooperative, heard, belief, miss)
-        c = willingness(since, self._half)
+        c = willingness(since, self._half_steps)
         after = beliefs.advanced_mixture(self._cooperative, self._neutral, c, belief)
         return beliefs.observed(self._cooperative, heard, after, miss)
 
@@ -76,7 +76,7 @@ class Expectation:
             return self._standing
         if self._neutral is None:
             return self._cooperative
-        tenths = round(10 * willingness(since, self._half))
+        tenths = round(10 * willingness(since, self._half_steps))
         if tenths not in self._blends:
             self._blends[tenths] = blended(self._cooperative, self._neutral, tenths / 10)
         return self._blends[tenths]
@@ -91,20 +91,21 @@ def expectation(
     random_steps: int = 0,
     tasks: int = 0,
     task_steps: int = 1,
-    half: float = 0.0,
+    half_steps: float = 0.0,
 ) -> Expectation:
     """What a team expects of its members, as `member.Member` and `methods.Rules` have them move.
 
-    They go to any neighbour; `half` > 0: or they may be busy with tasks of up to `task_steps`, anywhere.
+    They go to any neighbour; `half_steps` > 0: or they may be busy with tasks of up to `task_steps`,
+    anywhere.
     Who searches for nobody (`targets`) stands after the random steps, unless it has tasks.
     """
     cooperative = walk_model(graph, ways, holding=holding)
     still = frozenset() if tasks else sinks(targets)
-    if half == 0:
+    if half_steps == 0:
         return Expectation(cooperative, still=still, still_from=random_steps)
     dwell = dict.fromkeys(range(len(graph.vertices)), np.full(task_steps, 1.0 / task_steps))
     neutral = walk_model(graph, ways, holding=holding, dwell=dwell)
-    return Expectation(cooperative, neutral, half, still=still, still_from=random_steps)
+    return Expectation(cooperative, neutral, half_steps, still=still, still_from=random_steps)
 
 
 @dataclass

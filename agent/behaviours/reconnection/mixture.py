@@ -37,13 +37,13 @@ def _stretched(model: Model, first: Ints) -> Model:
     return Model(model.vertices, first, model.place, hazard, model.next_start, model.next_at, model.next_mu)
 
 
-def willingness(steps: float, half: float) -> float:
-    """c[t], how likely a robot cooperates so many steps after the last contact: 1 - 2^(-steps / half).
+def willingness(steps: float, half_steps: float) -> float:
+    """c[t], how likely a robot cooperates so many steps after the last contact: 1 - 2^(-steps / half_steps).
 
     It "increases with time since the two robots were most recently connected" (sec. III.B); how, the paper
-    leaves open. Here it is 0 at the contact, 1/2 after `half` steps (more than 0), and goes to 1.
+    leaves open. Here it is 0 at the contact, 1/2 after `half_steps` (more than 0), and goes to 1.
     """
-    return -math.expm1(-math.log(2.0) * steps / half)
+    return -math.expm1(-math.log(2.0) * steps / half_steps)
 
 
 def blended(cooperative: Model, neutral: Model, c: float) -> Model:

@@ -88,7 +88,7 @@ def expectation_of(
         random_steps=whole_number(params, "random_steps", 50, least=0),
         tasks=whole_number(params, "tasks", 0, least=0),
         task_steps=whole_number(params, "task_steps", 10),
-        half=not_negative(params, "half_steps", 0.0),
+        half_steps=not_negative(params, "half_steps", 0.0),
     )
 
 
