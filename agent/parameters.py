@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 Params = Mapping[str, Any]
+Option = TypeVar("Option", bound=str)
 
 
 class ParameterError(ValueError):
@@ -62,12 +63,13 @@ def flag(params: Params, key: str, default: bool) -> bool:
     return value
 
 
-def choice(params: Params, key: str, options: Sequence[str], default: str) -> str:
+def choice(params: Params, key: str, options: Sequence[Option], default: Option) -> Option:
     """One of these texts."""
     value = params.get(key, default)
-    if value not in options:
-        raise _misfit(key, f"one of {', '.join(options)}", value)
-    return str(value)
+    for option in options:  # returned as it is there: of its type
+        if option == value:
+            return option
+    raise _misfit(key, f"one of {', '.join(options)}", value)
 
 
 def pair(params: Params, key: str, default: tuple[float, float] | None = None) -> tuple[float, float]:

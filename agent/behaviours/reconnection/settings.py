@@ -68,7 +68,7 @@ def rules_of(params: Mapping[str, Any]) -> Rules:
             "params.miss: silence that proves nothing leaves nothing to plan; set less than 1"
         )
     return Rules(
-        method=next(each for each in METHODS if each == method),
+        method=method,
         horizon=whole_number(params, "horizon", 12),
         deterministic=flag(params, "deterministic", False),
         memory=whole_number(params, "memory", 10),
