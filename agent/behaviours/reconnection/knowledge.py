@@ -62,6 +62,7 @@ class Expectation:
         self, heard: Bools, belief: Floats, miss: float, since: int, robot: int = -1
     ) -> tuple[Floats, Outcome]:
         """From the step before to this one, and not heard (Eq. 7); `since`: steps since the last contact."""
+        # This step was decided at the one before: at `still_from` - 1 all still wandered.
         if robot in self._still and self._step > self._still_from:
             return beliefs.step(self._standing, heard, belief, miss)
         if self._neutral is None:
@@ -72,6 +73,7 @@ class Expectation:
 
     def planned(self, since: int, robot: int = -1) -> Model:
         """One model to plan with: for two, blended by a c rounded to tenths, so that few are made."""
+        # A plan is about the steps that follow, of which the first is decided now.
         if robot in self._still and self._step >= self._still_from:
             return self._standing
         if self._neutral is None:
@@ -172,4 +174,4 @@ def merged(
 
 def heard_by(hearing: Bools, motions: Iterable[Motion]) -> Bools:
     """The places that any of these robots hears: (V,)."""
-    return np.asarray(hearing[[motion.place for motion in motions]].any(axis=0))
+    return beliefs.heard_from(hearing, [motion.place for motion in motions])
