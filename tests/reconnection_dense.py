@@ -91,3 +91,8 @@ def states_of(model: Model) -> tuple[Array, Array]:
     """For every state of a model its augmented vertex, and its number of steps less 1."""
     lengths = np.diff(model.first)
     return np.repeat(np.arange(len(lengths)), lengths), np.concatenate([np.arange(n) for n in lengths])
+
+
+def by_vertex(model: Model, belief: Array) -> Array:
+    """How likely the robot is at each augmented vertex."""
+    return np.bincount(states_of(model)[0], weights=belief)

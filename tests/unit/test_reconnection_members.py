@@ -167,11 +167,11 @@ def _lived(ways: Ways, member: Member, steps: int) -> list[tuple[int, bool, bool
     """Where it is in each step, whether it is at a vertex and searches, and how many tasks it has."""
     seen = []
     for step in range(steps):
-        searching, tasks = member.searching(step), member.tasks_left
+        searching, tasks = member.searching(step), len(member._tasks)
         seen.append((member.motion.place, member.motion.free, searching, tasks))
         member.mind_own_business(step)
         # Robots tell whether they search before they do anything: it must not change within a step.
-        assert (member.searching(step), member.tasks_left) == (searching, tasks)
+        assert (member.searching(step), len(member._tasks)) == (searching, tasks)
         member.advance()
     return seen
 

@@ -157,7 +157,7 @@ def test_robots_draw_what_robot_processes_draw() -> None:
         assert [member.drawn(step) for step in range(3)] == [
             float(draws.uniform(step, 1)) for step in range(3)
         ]
-        assert member.tasks_left == len(drawn_tasks(draws, 40, 3, 10)) == 3
+        assert member._tasks == drawn_tasks(draws, 40, 3, 10)
 
 
 # --- what teams do -------------------------------------------------------------------------------

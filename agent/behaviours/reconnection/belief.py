@@ -137,21 +137,6 @@ def by_place(model: Model, belief: Floats) -> Floats:
     return mass
 
 
-def by_vertex(model: Model, belief: Floats) -> Floats:
-    """How likely the robot is at each augmented vertex, vertices first, then ways: (n_a,)."""
-    return np.asarray(np.add.reduceat(belief, model.first[:-1]))
-
-
 def mass_at(model: Model, belief: Floats, place: int) -> float:
     """How likely the belief holds it that the robot is where it is."""
     return float(by_place(model, belief)[place])
-
-
-def brier(model: Model, belief: Floats, place: int) -> float:
-    """Brier score of what is believed of places, the robot being at this one: sum of (p - [it is there])^2.
-
-    From 0 for certainty that is right to 2 for certainty that is wrong.
-    """
-    error = by_place(model, belief)
-    error[place] -= 1.0
-    return float(error @ error)

@@ -46,11 +46,6 @@ class Member:
         """Whether it has nothing else to do."""
         return step >= self._random_steps and not self._tasks
 
-    @property
-    def tasks_left(self) -> int:
-        """How many tasks it has not finished."""
-        return len(self._tasks)
-
     def ages(self, memory: int) -> Ages:
         """For "persistent": see `Visits.ages`; empty while it is on the way."""
         return self._visits.ages(self._ways, self.motion.place, memory) if self.motion.free else ()

@@ -128,26 +128,6 @@ def sinks(targets: Sequence[Sequence[int]]) -> frozenset[int]:
     return frozenset(robot for robot, found in enumerate(targets) if not found)
 
 
-def check_targets(targets: Sequence[Sequence[int]]) -> None:
-    """Raises ValueError where a target graph does not rule out livelock (sec. II.C).
-
-    It must be weakly connected, without a directed cycle, and have exactly one sink: the robot that stands
-    still until it is found.
-    """
-    robots = len(targets)
-    for i, found in enumerate(targets):
-        for j in found:
-            if not 0 <= j < robots or j == i:
-                raise ValueError(f"targets[{i}]: robot {i} cannot search for {j} in a team of {robots}")
-    standing = len(sinks(targets))
-    if standing != 1:
-        raise ValueError(f"targets: {standing} robots search for nobody; it must be exactly one")
-    # With one sink, without cycles, every walk ends at that sink: weak connection follows.
-    circling = [i for i, height in enumerate(_heights(targets)) if height < 0]
-    if circling:
-        raise ValueError(f"targets: among robots {circling}, some search for each other in a circle")
-
-
 def _heights(targets: Sequence[Sequence[int]]) -> list[int]:
     """The most searches in a row from each robot to one that searches for nobody; -1: round in circles."""
     heights = [-1] * len(targets)
@@ -168,10 +148,11 @@ def targets_of(
 ) -> tuple[int, ...]:
     """For whom a group searches: all that its members search for, but for those that are connected.
 
-    Under a target graph that rules out livelock (`check_targets`), members may still not search for whom they
-    would by themselves: with 0 > 1 > 2, the group of 0 and 2 and the robot 1 would search for each other. So
-    that searches of groups do not go in circles either, a group searches only for those below its lowest
-    member, by the most searches in a row that lead to the sink; whoever is with the sink stands still.
+    Under a target graph that rules out livelock (connected, no circles, one sink: sec. II.C), members may
+    still not search for whom they would by themselves: with 0 > 1 > 2, the group of 0 and 2 and the robot 1
+    would search for each other. So that searches of groups do not go in circles either, a group searches
+    only for those below its lowest member, by the most searches in a row that lead to the sink; whoever is
+    with the sink stands still.
     """
     members = list(group)
     heights = _heights(targets)
