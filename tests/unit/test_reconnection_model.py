@@ -10,7 +10,7 @@ import pytest
 
 from agent.behaviours.reconnection import belief as beliefs
 from agent.behaviours.reconnection import mixture
-from agent.behaviours.reconnection.learning import History, empirical, learnt_holding, learnt_mu
+from agent.behaviours.reconnection.learning import History, empirical, learnt_dwell, learnt_holding, learnt_mu
 from agent.behaviours.reconnection.model import hazards, normal, uniform, walk_model, ways_of
 from channels.graphs import Graph
 from tests import reconnection_dense as dense
@@ -129,7 +129,10 @@ def test_a_history_tells_ways_and_times() -> None:
     assert history.stayed == {0: [1, 2, 1], 1: [3, 1, 1, 1], 3: [1]}
     assert history.mu(prior=0.0).tolist() == [1, 2 / 3, 0, 1 / 3, 1, 1]
     assert history.mu().tolist() == [1, 3 / 6, 1 / 6, 2 / 6, 1, 1]
-    assert history.dwell()[1].tolist() == [3 / 4, 0, 1 / 4]
+    assert history.dwell(prior=0.0)[1].tolist() == [3 / 4, 0, 1 / 4]
+    # One sample more, a third of it of each number of steps.
+    assert history.dwell()[1] == pytest.approx([10 / 15, 1 / 15, 4 / 15], abs=1e-15)
+    assert history.dwell()[3].tolist() == [1]
 
 
 def test_what_is_learnt_makes_a_model() -> None:
@@ -143,6 +146,17 @@ def test_what_is_learnt_makes_a_model() -> None:
     for _ in range(10):
         belief = beliefs.advanced(model, belief)
     assert np.array_equal(belief, beliefs.at_vertex(model, 3))  # it did so once, and nothing else is known
+
+
+def test_who_has_always_worked_somewhere_may_pass_through() -> None:
+    """One sample of three is the prior's, a third of which leaves after one step."""
+    for prior, leaves in ((0.0, 0.0), (1.0, 1 / 9)):
+        model = walk_model(STAR, WAYS, dwell={0: learnt_dwell([3, 3], prior)})
+        belief = beliefs.advanced(model, beliefs.at_vertex(model, 0))
+        assert dense.by_vertex(model, belief)[[0, 4]] == pytest.approx([1 - leaves, leaves], abs=1e-15)
+    for stays, prior, message in (([3], -1.0, "prior"), ([3], math.nan, "prior"), ([], 1.0, "samples")):
+        with pytest.raises(ValueError, match=message):
+            learnt_dwell(stays, prior)
 
 
 def test_a_history_refuses_jumps() -> None:

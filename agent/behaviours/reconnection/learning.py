@@ -66,9 +66,9 @@ class History:
         """`learnt_holding` of all that was told."""
         return learnt_holding(self._ways, self.on_way, prior, spread)
 
-    def dwell(self) -> Mapping[int, Floats]:
-        """`empirical` of the stays at every vertex where there was one."""
-        return {vertex: empirical(stays) for vertex, stays in sorted(self.stayed.items())}
+    def dwell(self, prior: float = 1.0) -> Mapping[int, Floats]:
+        """`learnt_dwell` of the stays at every vertex where there was one."""
+        return {vertex: learnt_dwell(stays, prior) for vertex, stays in sorted(self.stayed.items())}
 
 
 def learnt_mu(ways: Ways, went: Sequence[int] | Ints, prior: float = 1.0) -> Floats:
@@ -112,6 +112,17 @@ def learnt_holding(
             gamma = (counted + prior * assumed) / (len(samples) + prior)
         found.append(gamma)
     return found
+
+
+def learnt_dwell(stays: Sequence[int], prior: float = 1.0) -> Floats:
+    """Distribution of the steps at a vertex, from how many there were each time, at least once.
+
+    That every number up to the longest is equally likely counts as `prior` samples, as in `learnt_holding`:
+    who once worked there may pass through, or work for less. What took longer than ever stays impossible.
+    """
+    if not (math.isfinite(prior) and prior >= 0):
+        raise ValueError(f"prior: must be a number of 0 or more, is {prior}")
+    return empirical(stays, smoothing=prior / max(stays, default=1))
 
 
 def empirical(samples: Sequence[int], smoothing: float = 0.0, longest: int | None = None) -> Floats:
