@@ -6,6 +6,7 @@ Every function raises ParameterError with one sentence that names the parameter 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -20,19 +21,23 @@ class ParameterError(ValueError):
     """
 
 
-def positive(params: Params, key: str, default: float | None = None) -> float:
-    """A number greater than 0; without a default it must be given."""
-    value = _number(params, key, default, "a number greater than 0")
-    if not value > 0 or math.isinf(value):
-        raise _misfit(key, "a number greater than 0", value)
+def positive(
+    params: Params, key: str, default: float | None = None, *, most: float = sys.float_info.max
+) -> float:
+    """A number greater than 0, and `most` at most; without a default it must be given."""
+    what = "a number greater than 0" + _at_most(most, sys.float_info.max)
+    value = _number(params, key, default, what)
+    if not 0 < value <= most:
+        raise _misfit(key, what, value)
     return value
 
 
-def not_negative(params: Params, key: str, default: float) -> float:
-    """A number of 0 or more."""
-    value = _number(params, key, default, "a number, 0 or more")
-    if not 0 <= value < math.inf:
-        raise _misfit(key, "a number, 0 or more", value)
+def not_negative(params: Params, key: str, default: float, *, most: float = sys.float_info.max) -> float:
+    """A number of 0 or more, and `most` at most."""
+    what = "a number, 0 or more" + _at_most(most, sys.float_info.max)
+    value = _number(params, key, default, what)
+    if not 0 <= value <= most:
+        raise _misfit(key, what, value)
     return value
 
 
@@ -44,13 +49,15 @@ def probability(params: Params, key: str, default: float | None = None) -> float
     return value
 
 
-def whole_number(params: Params, key: str, default: int | None = None, *, least: int = 1) -> int:
-    """A whole number of `least` or more; without a default it must be given."""
+def whole_number(
+    params: Params, key: str, default: int | None = None, *, least: int = 1, most: int | None = None
+) -> int:
+    """A whole number of `least` or more, and `most` at most; without a default it must be given."""
     value = params.get(key, default)
-    what = f"a whole number, {least} or more"
+    what = f"a whole number, {least} or more" + _at_most(most, None)
     if value is None:
         raise _missing(key, what)
-    if type(value) is not int or value < least:
+    if type(value) is not int or value < least or (most is not None and value > most):
         raise _misfit(key, what, value)
     return value
 
@@ -107,6 +114,12 @@ def _number(params: Params, key: str, default: float | None, what: str) -> float
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise _misfit(key, what, value)
     return float(value)
+
+
+def _at_most(most: float | None, any_number: float | None) -> str:
+    if most is None or most == any_number:
+        return ""
+    return f", {int(most) if most == int(most) else most:,} at most"
 
 
 def _missing(key: str, what: str) -> ParameterError:

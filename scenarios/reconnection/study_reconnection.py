@@ -16,6 +16,14 @@ from agent.behaviours.reconnection.member import Member, begun
 from agent.behaviours.reconnection.methods import Method, Rules
 from agent.behaviours.reconnection.model import Ways, ways_of
 from agent.behaviours.reconnection.planner import BUDGET, WIDTH
+from agent.behaviours.reconnection.settings import (
+    LONGEST_STEPS,
+    MOST_HALF_STEPS,
+    MOST_HORIZON,
+    MOST_TASK_STEPS,
+    MOST_TASKS,
+    MOST_TRAVEL_STEPS,
+)
 from agent.behaviours.reconnection.team import TARGETS
 from agent.behaviours.reconnection.warm import search_a_little
 from channels.graphs import Graph, hearing
@@ -28,7 +36,7 @@ from scenarios.study import Study, described, one_each, spread
 
 Kind = Literal["gridholes", "gabriel", "delaunay", "delaunay-thinned", "maze"]
 """`environments.KINDS`."""
-Steps = Annotated[int, Meta(ge=0, le=1_000_000)]
+Steps = Annotated[int, Meta(ge=0, le=LONGEST_STEPS)]
 
 MOST_STUDY_VERTICES = 1000
 """The communication graph is a matrix, and beliefs have a number for each way and step."""
@@ -52,12 +60,13 @@ class ReconnectionParameters(Struct, frozen=True, kw_only=True, forbid_unknown_f
         str | None, Meta(description="where robots start, as 0,5; else in corners and the centre")
     ] = None
     travel_steps: Annotated[
-        float, Meta(gt=0, le=100, description="steps that a robot is on the way per unit of length")
+        float,
+        Meta(gt=0, le=MOST_TRAVEL_STEPS, description="steps that a robot is on the way per unit of length"),
     ] = 2.0
     random_steps: Annotated[Steps, Meta(description="steps for which all wander before they search")] = 50
-    horizon: Annotated[int, Meta(ge=1, le=30, description="steps planned ahead, T_p")] = 12
+    horizon: Annotated[int, Meta(ge=1, le=MOST_HORIZON, description="steps planned ahead, T_p")] = 12
     memory: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="persistent: for how many moves a vertex is avoided")
+        int, Meta(ge=1, le=LONGEST_STEPS, description="persistent: for how many moves a vertex is avoided")
     ] = 10
     deterministic: Annotated[
         bool, Meta(description="semi-markov: always the best move, not one within 5 % of it")
@@ -83,13 +92,13 @@ class ReconnectionParameters(Struct, frozen=True, kw_only=True, forbid_unknown_f
         int, Meta(ge=0, le=100_000_000, description="joint states that a group's plan may go on from")
     ] = BUDGET
     tasks: Annotated[
-        int, Meta(ge=0, le=1000, description="tasks that each robot does before it searches")
+        int, Meta(ge=0, le=MOST_TASKS, description="tasks that each robot does before it searches")
     ] = 0
-    task_steps: Annotated[int, Meta(ge=1, le=100_000, description="longest task [steps]")] = 10
+    task_steps: Annotated[int, Meta(ge=1, le=MOST_TASK_STEPS, description="longest task [steps]")] = 10
     half_steps: Annotated[
         float,
-        Meta(ge=0, le=1e9, description="steps without contact after which a robot is believed to have no "
-             "tasks left with probability 1/2; 0: it never had any"),
+        Meta(ge=0, le=MOST_HALF_STEPS, description="steps without contact after which a robot is believed to "
+             "have no tasks left with probability 1/2; 0: it never had any"),
     ] = 0.0  # fmt: skip
     holding: Annotated[
         Literal["uniform", "normal"], Meta(description="believed distribution of steps on a way")
@@ -109,6 +118,7 @@ def check(parameters: ReconnectionParameters) -> None:
     if parameters.graph is not None:
         graph = _read(parameters.graph)
         vertices = len(graph.vertices)
+        ways_of(graph, parameters.travel_steps)
         if vertices > MOST_STUDY_VERTICES:
             raise ValueError(
                 f"graph: {parameters.graph} has {vertices} vertices; "

@@ -50,3 +50,30 @@ def test_the_ends_of_what_is_allowed(
     for value in refused:
         with pytest.raises(ParameterError, match=r"^params\.k: (must be|is missing)"):
             read({"k": value})
+
+
+@pytest.mark.parametrize(
+    ("read", "value", "sentence"),
+    [
+        (
+            lambda p: parameters.positive(p, "k", most=5.0),
+            5.1,
+            "a number greater than 0, 5 at most, is 5.1",
+        ),
+        (
+            lambda p: parameters.not_negative(p, "k", 1.0, most=5.0),
+            6,
+            "a number, 0 or more, 5 at most, is 6.0",
+        ),
+        (
+            lambda p: parameters.whole_number(p, "k", most=9000),
+            9001,
+            "a whole number, 1 or more, 9,000 at most, is 9001",
+        ),
+    ],
+)
+def test_what_is_too_much(read: Callable[[dict[str, Any]], object], value: float, sentence: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^params\.k: must be {sentence}$"):
+        read({"k": value})
+    for allowed in (1, 5):
+        assert read({"k": allowed}) == allowed

@@ -244,3 +244,21 @@ def test_models_that_differ_in_both_blend_by_how_often_they_leave() -> None:
     assert both.next_mu[1:4] == pytest.approx([3 / 4 / 3 + 1 / 4, 1 / 4, 1 / 4])
     mass = beliefs.advanced(both, beliefs.at_vertex(both, 1)).sum()
     assert mass == pytest.approx(1)
+
+
+def test_ways_that_take_too_long_are_refused() -> None:
+    """What beliefs would need a number for at every step of."""
+    for length in (1e300, 60_000.0):
+        graph = Graph(((0, 0), (1, 0), (2, 0)), ((0, 1, 1.0), (1, 2, length)))
+        with pytest.raises(
+            ValueError, match=r"^travel_steps: the way from vertex 1 to 2, .* more than 100,000 steps; set"
+        ):
+            ways_of(graph, 2.0)
+        limit = 100_000 / length
+        assert ways_of(graph, limit).steps.max() == 100_000
+    many = Graph(tuple((float(x), 0.0) for x in range(100)), tuple((x, x + 1, 40_000.0) for x in range(99)))
+    with pytest.raises(
+        ValueError, match=r"^travel_steps: all ways together take 7,920,000 steps, .* less than 0.631$"
+    ):
+        ways_of(many, 1.0)
+    assert ways_of(many, 0.6).steps.sum() == 99 * 2 * 24_000

@@ -25,6 +25,9 @@ Distribution: TypeAlias = Sequence[float] | Floats
 
 HOLDINGS = ("uniform", "normal")
 
+MOST_WAY_STEPS = 100_000
+MOST_STEPS_OF_ALL_WAYS = 5_000_000
+
 _NORMAL_REACH = 3.0
 
 
@@ -65,9 +68,24 @@ class Model(Struct, frozen=True):
 
 
 def ways_of(graph: Graph, travel_steps: float) -> Ways:
-    """Each way takes max(1, round(length * travel_steps)) steps, halves rounded to even."""
+    """Each way takes max(1, round(length * travel_steps)) steps, halves rounded to even.
+
+    Raises ValueError where a way, or all together, take too many: a belief has a number for each.
+    """
     out = neighbours(graph)
     ends = [(tail, head, length) for tail, ways in enumerate(out) for head, length in ways]
+    tail, head, longest = max(ends, key=lambda way: way[2], default=(0, 0, 0.0))
+    if longest * travel_steps > MOST_WAY_STEPS:
+        raise ValueError(
+            f"travel_steps: the way from vertex {tail} to {head}, {longest:g} long, takes more than "
+            f"{MOST_WAY_STEPS:,} steps; set less than {MOST_WAY_STEPS / longest:.3g}"
+        )
+    total = travel_steps * sum(length for _, _, length in ends)
+    if total > MOST_STEPS_OF_ALL_WAYS:
+        raise ValueError(
+            f"travel_steps: all ways together take {total:,.0f} steps, more than {MOST_STEPS_OF_ALL_WAYS:,}; "
+            f"set less than {travel_steps * MOST_STEPS_OF_ALL_WAYS / total:.3g}"
+        )
     return Ways(
         start=np.cumsum([0, *map(len, out)]),
         tail=np.array([tail for tail, _, _ in ends], dtype=np.int64),

@@ -48,18 +48,21 @@ from agent.behaviours.reconnection.messages import (
     follows,
 )
 from agent.behaviours.reconnection.methods import Plan, Planner
-from agent.behaviours.reconnection.model import Model, check_model, ways_of
+from agent.behaviours.reconnection.model import Model, check_model
 from agent.behaviours.reconnection.settings import (
+    MOST_REPEATS,
     enough_of,
     expectation_of,
     graph_of,
     member_of,
     phase_ns_of,
     rules_of,
+    step_s_of,
+    ways_for,
 )
 from agent.behaviours.reconnection.team import TARGETS, Motion, moved, networks, targets_of
 from agent.behaviours.reconnection.warm import search_a_little
-from agent.parameters import ParameterError, choice, positive, whole_number
+from agent.parameters import ParameterError, choice, whole_number
 from agent.robot import Robot, Step
 from agent.warm_up import before_forks
 from channels.graphs import hearing, starts
@@ -94,9 +97,9 @@ class Reconnection:
         params = robot.params
         self._robot = robot
         self._graph = graph = graph_of(robot)
-        self.step_s = positive(params, "step_s", 1.0)
+        self.step_s = step_s_of(params)
         self._phase_ns = phase_ns_of(params, self.step_s)
-        self._ways, self._hearing = ways_of(graph, positive(params, "travel_steps", 2.0)), hearing(graph)
+        self._ways, self._hearing = ways_for(params, graph), hearing(graph)
         self._rules = rules_of(params)
         self._believes = self._rules.method == "semi-markov"
         self._targets = TARGETS[choice(params, "targets", tuple(TARGETS), "all")](robot.team_size)
@@ -108,7 +111,9 @@ class Reconnection:
         self._patience = whole_number(params, "patience", 0, least=0)
         self._log_every = whole_number(params, "log_beliefs_steps", 10, least=0)
         self._enough = enough_of(params, robot.team_size)
-        self._exchange = Exchange(robot, self._ways, whole_number(params, "repeats", 1), self._payload())
+        self._exchange = Exchange(
+            robot, self._ways, whole_number(params, "repeats", 1, most=MOST_REPEATS), self._payload()
+        )
         at = starts(graph, robot.team_size)
         self._known = Knowledge({number: Motion(vertex) for number, vertex in enumerate(at)})
         self._network: dict[int, Presence] = {}

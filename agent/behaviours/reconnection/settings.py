@@ -10,7 +10,7 @@ import numpy as np
 from agent.behaviours.reconnection.knowledge import Expectation, expectation
 from agent.behaviours.reconnection.member import Member, begun
 from agent.behaviours.reconnection.methods import METHODS, Rules
-from agent.behaviours.reconnection.model import HOLDINGS, Ways
+from agent.behaviours.reconnection.model import HOLDINGS, Ways, ways_of
 from agent.parameters import (
     ParameterError,
     choice,
@@ -26,6 +26,14 @@ from channels.units import to_ns
 
 MOST_ROBOTS = 12
 """Joint decisions are enumerated: up to (degree + 1)^members of a group, too many for more robots."""
+MOST_TRAVEL_STEPS = 100.0
+LONGEST_STEPS = 1_000_000
+MOST_HORIZON = 30
+MOST_TASKS = 1000
+MOST_TASK_STEPS = 100_000
+MOST_HALF_STEPS = 1e9
+MOST_REPEATS = 100
+MOST_STEP_S = 86_400.0
 
 
 def graph_of(robot: Robot) -> Graph:
@@ -37,6 +45,20 @@ def graph_of(robot: Robot) -> Graph:
     return robot.graph
 
 
+def step_s_of(params: Mapping[str, Any]) -> float:
+    """Length of a step [s]."""
+    return positive(params, "step_s", 1.0, most=MOST_STEP_S)
+
+
+def ways_for(params: Mapping[str, Any], graph: Graph) -> Ways:
+    """The graph's ways, by how fast the team goes."""
+    travel_steps = positive(params, "travel_steps", 2.0, most=MOST_TRAVEL_STEPS)
+    try:
+        return ways_of(graph, travel_steps)
+    except ValueError as error:
+        raise ParameterError(f"params.{error}") from None
+
+
 def phase_ns_of(params: Mapping[str, Any], step_s: float) -> int:
     """Length of a phase [ns]."""
     phase_s = positive(params, "phase_s", step_s / 10)
@@ -45,6 +67,8 @@ def phase_ns_of(params: Mapping[str, Any], step_s: float) -> int:
             f"params.phase_s: three phases of {phase_s:g} s take more than half of a step of {step_s:g} s; "
             f"set {step_s / 6:g} or less"
         )
+    if to_ns(phase_s) < 1:
+        raise ParameterError(f"params.phase_s: {phase_s:g} s is less than a nanosecond; set more")
     return to_ns(phase_s)
 
 
@@ -69,9 +93,9 @@ def rules_of(params: Mapping[str, Any]) -> Rules:
         )
     return Rules(
         method=method,
-        horizon=whole_number(params, "horizon", 12),
+        horizon=whole_number(params, "horizon", 12, most=MOST_HORIZON),
         deterministic=flag(params, "deterministic", False),
-        memory=whole_number(params, "memory", 10),
+        memory=whole_number(params, "memory", 10, most=LONGEST_STEPS),
         miss=miss,
     )
 
@@ -85,10 +109,10 @@ def expectation_of(
         ways,
         targets,
         holding=choice(params, "holding", HOLDINGS, "uniform"),
-        random_steps=whole_number(params, "random_steps", 50, least=0),
-        tasks=whole_number(params, "tasks", 0, least=0),
-        task_steps=whole_number(params, "task_steps", 10),
-        half_steps=not_negative(params, "half_steps", 0.0),
+        random_steps=whole_number(params, "random_steps", 50, least=0, most=LONGEST_STEPS),
+        tasks=whole_number(params, "tasks", 0, least=0, most=MOST_TASKS),
+        task_steps=whole_number(params, "task_steps", 10, most=MOST_TASK_STEPS),
+        half_steps=not_negative(params, "half_steps", 0.0, most=MOST_HALF_STEPS),
     )
 
 
@@ -99,9 +123,9 @@ def member_of(robot: Robot, graph: Graph, ways: Ways) -> Member:
         ways,
         _start_of(robot, graph),
         robot.rng,
-        random_steps=whole_number(params, "random_steps", 50, least=0),
-        tasks=whole_number(params, "tasks", 0, least=0),
-        task_steps=whole_number(params, "task_steps", 10),
+        random_steps=whole_number(params, "random_steps", 50, least=0, most=LONGEST_STEPS),
+        tasks=whole_number(params, "tasks", 0, least=0, most=MOST_TASKS),
+        task_steps=whole_number(params, "task_steps", 10, most=MOST_TASK_STEPS),
     )
 
 
