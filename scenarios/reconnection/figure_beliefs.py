@@ -181,7 +181,7 @@ def draw(table: Table, canvas: Canvas) -> None:
         _draw_instant(axes, table.where(instant=number))
     canvas.suptitle(
         "what the red robot believes of the others: area of a circle as the probability of that place; "
-        "dots: where they are,\nringed if connected with the red one",
+        "dots: where they are,\nringed in black if connected with the red one",
         fontsize=9,
     )
 
@@ -208,7 +208,7 @@ def _draw_instant(axes: Axes, table: Table) -> None:
         axes.scatter(it.numbers("x"), it.numbers("y"), 30, color=colour, zorder=4,
                      edgecolors="black" if connected else "white", linewidths=1.2)  # fmt: skip
     steps = robots.column("steps")[0]
-    axes.set_title(f"{steps} steps", fontsize=9)
+    axes.set_title(f"step {steps} of the search", fontsize=9)
     axes.autoscale_view()
 
 
