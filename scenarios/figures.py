@@ -239,7 +239,7 @@ class _Bar:
         self._finished: set[bytes] = set()
 
     def watch(self, name: Name, work: Work, run: Run) -> dict[str, Any]:
-        self._bar.set_postfix_str(f"figure {name}", refresh=False)
+        self._bar.set_description_str(f"figure {name}", refresh=False)
         done = len(self._finished)
         result = work.result(run, lambda part: self._set(done + part))
         self._finished.add(work.key(run))
@@ -252,7 +252,7 @@ class _Bar:
 
 @contextmanager
 def _progress(total: int, show: bool) -> Iterator[_Bar]:
-    layout = "{percentage:3.0f}%|{bar}| {postfix} [{elapsed}<{remaining}]"
+    layout = "{percentage:3.0f}%|{bar}| {desc} [{elapsed}<{remaining}]"
     bar: tqdm[NoReturn] = tqdm(total=total, bar_format=layout, leave=False, disable=not (show and total))
     with bar:
         yield _Bar(bar)
