@@ -33,6 +33,10 @@ Partial = Any
 """What one chunk yields: anything that can be pickled."""
 
 
+def _nothing() -> None:
+    """What most studies do before they start."""
+
+
 class Study(Struct, frozen=True):
     """One experiment that can be repeated as often as one likes. All functions live in modules (pickled)."""
 
@@ -54,7 +58,7 @@ class Study(Struct, frozen=True):
     """Raises ValueError, "key: what is wrong and what helps", for parameters that do not go together."""
     max_jobs: int | None = None
     """1: chunks keep all processors busy by themselves."""
-    prepare: Callable[[], object] = lambda: None
+    prepare: Callable[[], object] = _nothing
     """Called before workers start: what it compiles, none of them needs to."""
     chance: str | None = None
     """Another study's name, to draw what that draws: samples can then be compared one by one."""
