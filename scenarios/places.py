@@ -41,6 +41,12 @@ def vertices(
         yield places
 
 
+def altitudes(truth: Sequence[tuple[int, Mapping[str, Any]]]) -> list[float]:
+    """Height [m] of every robot, which never changes."""
+    start = next(record for _, record in truth if record["kind"] == "start")
+    return [robot.get("altitude_m", 0.0) for robot in start["robots"]]
+
+
 def _worlds(
     truth: Sequence[tuple[int, Mapping[str, Any]]],
     motion: Mapping[str, Any],

@@ -1,4 +1,9 @@
-"""Who was in contact with whom, from a log; whether robots knew, and whether teams held together."""
+"""Who was in contact with whom, from a log; whether robots knew, and whether teams held together.
+
+What is true is what the radio goes by: places and links where `radio.link` is "graph", positions, range and
+sight where it is "disc"; `score_history` says of which instant. What else keeps messages from arriving, as
+losses and collisions do, is no part of it.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ from scenarios.reconnection.score_history import History, Moment
 
 
 def contacts(history: History, search: Sequence[Moment]) -> dict[str, dict[str, Any]]:
-    """By pair of ids: when both were in one network, by true places and the links of the graph.
+    """By pair of ids: when both were truly in one network (`History.networks`).
 
     `first_step` of the `search` (None: never), `share` of its steps, and whether `in_random_phase`. Steps
     count from the end of the random phase.
@@ -35,7 +40,7 @@ def contacts(history: History, search: Sequence[Moment]) -> dict[str, dict[str, 
 def agreement(history: History) -> dict[str, int]:
     """How often a robot told who was in its network (`asked`), and how often that was right (`same`).
 
-    Right by true places and the links of the graph, of those whose behaviour ran.
+    Right is who truly was (`History.networks`), of those whose behaviour ran.
     """
     asked = same = 0
     for moment in history.moments:
@@ -48,8 +53,8 @@ def agreement(history: History) -> dict[str, int]:
 def broken(history: History, search: Sequence[Moment]) -> dict[str, int]:
     """How often robots that searched together were not in one network a step later.
 
-    `told`: by what they themselves took for their network; `true`: by true places and the links of the graph.
-    Groups of which a member died in between do not count.
+    `told`: by what they themselves took for their network; `true`: truly (`History.networks`). Groups of
+    which a member died in between do not count.
     """
     told = true = 0
     for before, after in pairwise(search):

@@ -1,22 +1,36 @@
-"""What a log says of a search: of every step, what the robots told and where they really were."""
+"""What a log says of a search: of every step, what the robots told, where they really were, who heard whom.
+
+Where `radio.link` is "graph", who hears whom follows from the vertices that robots communicate from, and
+robots keep these for all the time in which they exchange anything. Where it is "disc", it follows from their
+positions, the range and, with `radio.line_of_sight`, obstacles, by the very rules of the emulator. Then one
+instant has to be taken: the beginning of the step by true time, at which all tell that they are there. What
+this can miss is little, and only of robots that are on their way: a message is judged when its transmission
+ends, and passed on a latency later, `params.repeats` times until `params.phase_s` is over, and by that time
+some may have driven into reach or out of it. Robots whose clocks are wrong do all this earlier or later.
+"""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, TypeAlias
 
+import numpy as np
 from msgspec import MsgspecError, Struct, convert, msgpack
 
 from agent.behaviours.reconnection.model import Bools
 from agent.behaviours.reconnection.team import networks
-from channels.graphs import hearing
+from channels.fates import Floats
+from channels.gates.range import Reach
+from channels.graphs import Graph, Rectangle, hearing
+from channels.medium import reach_of
+from channels.settings import RadioSettings
 from channels.units import NS_PER_S, to_ns
 from emulator.graphs import GraphSettings, graph_of
 from logs.reader import LogReader
-from scenarios.places import vertices
-from scenarios.runs import read_run
+from scenarios.places import altitudes, positions, vertices
+from scenarios.runs import Run, read_run
 
 STEP, PLAN, BELIEF, MERGE, OUTCOME, REFUSED = NAMES = (
     "reconnection", "plan", "belief", "merge", "outcome", "refused message",
@@ -43,6 +57,8 @@ class Moment(Struct, frozen=True):
     """The vertex that each robot really communicated from."""
     alive: tuple[int, ...]
     """Whose behaviour had not returned when the step began."""
+    positions_m: Floats | None = None
+    """x, y [m] of every robot, (N, 2), when the step began by true time; None where links decide."""
 
     @property
     def searching(self) -> tuple[int, ...]:
@@ -50,7 +66,11 @@ class Moment(Struct, frozen=True):
         return tuple(robot for robot, entry in self.told.items() if entry["searching"])
 
     def groups(self, hearing: Bools) -> list[tuple[int, ...]]:
-        """Who searched together: connected by those who search, and aware of each other."""
+        """Who searched together: connected by those who search, and aware of each other.
+
+        As robots reckon it among those they are aware of, by places and the links of the graph (`hearing`),
+        whatever their radio goes by.
+        """
         found = []
         left = list(self.searching)
         while left:
@@ -78,6 +98,8 @@ class History(Struct, frozen=True):
     """Which places hear each other, by the links of the graph."""
     settings: Mapping[str, Any]
     """The scenario as it was run."""
+    reach: Reach | None = None
+    """Who is out of reach of whom, by positions; None: `hearing` says it, by places."""
 
     @property
     def step_s(self) -> float:
@@ -90,8 +112,16 @@ class History(Struct, frozen=True):
         return int(self.settings.get("params", {}).get("random_steps", 50))
 
     def networks(self, moment: Moment) -> list[tuple[int, ...]]:
-        """Who of those alive could hear each other, directly or by others: by true places and links."""
-        return networks({robot: moment.places[robot] for robot in moment.alive}, self.hearing)
+        """Who of those alive could hear each other, directly or by others.
+
+        By the places they communicated from and the links of the graph, or by their positions as the step
+        began, the radio's range and what is in between.
+        """
+        if self.reach is None:
+            return networks({robot: moment.places[robot] for robot in moment.alive}, self.hearing)
+        assert moment.positions_m is not None  # reach goes by them
+        heard = ~self.reach.beyond(moment.positions_m, None, np.arange(len(self.robots)))
+        return networks({robot: robot for robot in moment.alive}, heard)
 
     @property
     def duration_s(self) -> float:
@@ -113,16 +143,18 @@ def read(log: LogReader) -> History:
         told.setdefault(data["step"], {})[robot] = data
     at = vertices(run.truth, run.settings["world"]["motion"], graph, times_ns.values())
     step_ns = to_ns(run.params.get("step_s", 1.0))
-    dead = [robot for robot, end_ns in enumerate(run.ended_ns) if end_ns < run.end_ns]
+    reach = _reach(run, graph)
+    began = {} if reach is None else _positions_m(run, times_ns, step_ns)
+    everybody = range(len(run.robots))
+    dead = [robot for robot in everybody if run.ended_ns[robot] < run.end_ns]
     moments = [
         Moment(
             step=step,
             time_ns=time_ns,
             told=dict(sorted(told[step].items())),
             places=tuple(places.tolist()),
-            alive=tuple(
-                i for i in range(len(run.robots)) if i not in dead or run.ended_ns[i] > step * step_ns
-            ),
+            alive=tuple(i for i in everybody if i not in dead or run.ended_ns[i] > step * step_ns),
+            positions_m=began.get(step),
         )
         for (step, time_ns), places in zip(times_ns.items(), at, strict=True)
     ]
@@ -135,7 +167,24 @@ def read(log: LogReader) -> History:
         end_ns=run.end_ns,
         hearing=hearing(graph),
         settings=run.settings,
+        reach=reach,
     )
+
+
+def _reach(run: Run, graph: Graph) -> Reach | None:
+    """Who is out of reach of whom where that depends on positions, as in the emulator's medium."""
+    radio = convert(run.settings["radio"], RadioSettings)
+    if radio.link == "graph":
+        return None
+    obstacles = convert(run.settings["world"].get("obstacles", []), list[Rectangle])
+    return reach_of(radio, altitudes(run.truth), graph, [*obstacles, *graph.obstacles])
+
+
+def _positions_m(run: Run, steps: Iterable[int], step_ns: int) -> dict[int, Floats]:
+    """x, y [m] of every robot, (N, 2), at the beginning of each of these steps."""
+    ascending = sorted(steps)
+    at = positions(run.truth, run.settings["world"]["motion"], [step * step_ns for step in ascending])
+    return dict(zip(ascending, at, strict=True))
 
 
 def _entries(log: LogReader, robots: Sequence[str]) -> dict[str, list[Entry]]:

@@ -6,9 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from msgspec.structs import replace
 
-from channels.graphs import Graph, hearing
+from channels.graphs import Graph, Rectangle, hearing
+from channels.medium import reach_of
+from channels.settings import RadioSettings
 from emulator.run import Options, run
 from emulator.scenario_file import load
 from logs.reader import LogReader
@@ -90,6 +94,48 @@ def test_contacts_are_those_of_true_places() -> None:
     assert contacts(met_before, until(met_before, None))["a-b"]["in_random_phase"]
     assert agreement(told) == {"asked": 12, "same": 10}
     assert agreement(history([APART, PAIR, NEARER, WHOLE])) == {"asked": 12, "same": 12}
+
+
+WALL: Rectangle = (1.0, -1.0, 2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "settings", "altitudes_m", "networks"),
+    [
+        ((0, 3, 6), {}, None, [(0, 1, 2)]),  # the range exactly met, the last ones by the one in between
+        ((0, 3, 6.001), {}, None, [(0, 1), (2,)]),
+        ((0, 3.5, 6.5), {}, None, [(0,), (1, 2)]),
+        ((0, 6, 3), {}, None, [(0, 1, 2)]),
+        ((0, 3, 6), {}, [0.0, 0.1, 0.1], [(0,), (1, 2)]),
+        ((0, 3, 6), {"line_of_sight": True}, None, [(0,), (1, 2)]),
+        ((1, 3, 6), {"line_of_sight": True}, None, [(0,), (1, 2)]),
+        ((2, 3, 6), {"line_of_sight": True}, None, [(0, 1, 2)]),  # at the wall, and not behind it
+    ],
+)
+def test_with_a_disc_networks_are_by_positions_range_and_sight(
+    x_m: Sequence[float], settings: Any, altitudes_m: Any, networks: Any
+) -> None:
+    reach = reach_of(RadioSettings(range_m=3.0, **settings), altitudes_m, PATH, [WALL])
+    positions_m = np.column_stack((x_m, np.zeros(3)))
+    # By their places all would be one network, at (0, 1, 2), or none would.
+    for places in ((0, 1, 2), (0, 2, 4)):
+        at = replace(moment(1, places, networks), positions_m=positions_m)
+        told = replace(history([at]), reach=reach)
+        assert told.networks(at) == networks
+        assert agreement(told) == {"asked": 3, "same": 3}
+        assert contacts(told, [at])["b-c"]["share"] == float((1, 2) in networks or (0, 1, 2) in networks)
+
+
+def test_with_a_disc_the_dead_pass_nothing_on_and_groups_break_by_positions() -> None:
+    reach = reach_of(RadioSettings(range_m=3.0), None, PATH, [])
+    near, far = (np.column_stack((x_m, np.zeros(3))) for x_m in ((0, 3, 6), (0, 3.5, 6)))
+    without = replace(moment(1, (0, 1, 2), [[0], [2]], alive=(0, 2)), positions_m=near)
+    assert replace(history([without]), reach=reach).networks(without) == [(0,), (2,)]
+    together = replace(moment(1, (0, 1, 2), [[0, 1, 2]]), positions_m=near)
+    torn = replace(moment(2, (0, 1, 2), [[0], [1, 2]]), positions_m=far)
+    told = replace(history([together, torn]), reach=reach)
+    assert broken(told, [together, torn]) == {"told": 1, "true": 1}
+    assert broken(replace(told, reach=None), [together, torn]) == {"told": 1, "true": 0}
 
 
 def test_a_group_is_broken_when_its_members_are_not_in_one_network_a_step_later() -> None:
@@ -214,6 +260,42 @@ def test_a_log_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert found.sent[0, "d"] == (1, 6)
     assert found.sent[1, ""] == (1, 1)
     assert found.dead == (0,)
+
+
+DRIVE = """
+import asyncio
+
+async def main(robot):
+    if robot.number:
+        robot.body.go_to(9.0, 1.0, 1.0)
+    async for step in robot.steps(1.0):
+        await asyncio.sleep(0.4)
+        robot.log("reconnection", {"step": step.index, "network": [robot.number], "searching": False})
+"""
+
+
+@pytest.mark.parametrize(
+    ("radio", "more", "together"),
+    [
+        ("range_m = 2.0", "", [True, True, False]),  # a metre, two and three apart; later when it is logged
+        ("range_m = 2.0", '[[robot]]\nid = "r01"\naltitude_m = 0.1', [True, False, False]),
+        ("range_m = 9.0\nline_of_sight = true", "", [True, False, False]),
+        ("range_m = 9.0", "", [True, True, True]),
+        ('link = "graph"', "", [True, True, True]),  # as from where it has left
+    ],
+)
+def test_a_log_says_who_heard_whom_as_the_step_began(
+    tmp_path: Path, radio: str, more: str, together: list[bool]
+) -> None:
+    (tmp_path / "my_robot.py").write_text(DRIVE)
+    motion = 'placement = "graph"\nmotion = { kind = "commanded", max_speed_mps = 1.0 }\narea_m = [9, 9]'
+    world = WORLD.replace('placement = "graph"', f"{motion}\nobstacles = [[2.4, 0.5, 2.6, 1.5]]")
+    (tmp_path / "x.toml").write_text(world.replace('link = "graph"\noverhead_bits = 80', radio) + more)
+    options = Options(out=tmp_path / "run.mcap", fleet="in_process", echo=None)
+    with LogReader(run(load(str(tmp_path / "x.toml")), options).log) as log:
+        found = read(log)
+    assert [each.step for each in found.moments] == [0, 1, 2]
+    assert [found.networks(each) == [(0, 1)] for each in found.moments] == together
 
 
 def test_a_log_without_a_graph_is_refused_in_a_sentence(tmp_path: Path) -> None:
