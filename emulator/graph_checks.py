@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from channels.graphs import Rectangle, starts, vertices_at
+from channels.graphs import Graph, Rectangle, in_sight, starts, vertices_at
 from emulator.errors import InvalidError
 from emulator.graphs import graph_of
 from emulator.placement import Vector
@@ -45,6 +45,37 @@ def check_obstacles(obstacles: Sequence[Rectangle]) -> None:
             raise InvalidError(f"world.obstacles[{number}]", why)
 
 
+def check_sight(graph: Graph, obstacles: Sequence[Rectangle]) -> None:
+    """Raises InvalidError for an obstacle that holds vertices: nobody sees out of it, nor within it.
+
+    `graph` in metres, with obstacles of its own; `obstacles`: those of the world.
+    """
+    points = np.array(graph.vertices)
+    for key, rectangles in (("world.obstacles", obstacles), ("world.graph.obstacles", graph.obstacles)):
+        x0, y0, x1, y1 = np.array(rectangles).reshape(-1, 4).T
+        holds = np.zeros(len(rectangles), dtype=bool)
+        for x, y in graph.vertices:
+            # As `channels.graphs.in_sight` has it: at a side one still sees. It would take far longer here.
+            holds |= (x0 < x) & (x < x1) & (y0 < y) & (y < y1)
+        if holds.any():
+            number = int(holds.argmax())
+            held = np.flatnonzero(~in_sight(points, points, [rectangles[number]])).tolist()
+            raise InvalidError(
+                f"{key}[{number}]",
+                f"holds {_vertices(held)} of world.graph, from where nobody elsewhere is heard; move it, "
+                f"or leave {'this vertex' if len(held) == 1 else 'these vertices'} out",
+            )
+
+
+def _vertices(numbers: Sequence[int]) -> str:
+    """The first of them by number, of many the others by how many there are."""
+    if len(numbers) == 1:
+        return f"vertex {numbers[0]}"
+    if len(numbers) > 3:
+        return f"vertices {numbers[0]}, {numbers[1]} and {len(numbers) - 2} more"
+    return f"vertices {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+
+
 def check_world_graph(settings: Settings, area_m: Vector) -> None:
     """Raises InvalidError where the area does not hold the graph, or the graph not the team."""
     check_obstacles(settings.world.obstacles)
@@ -57,6 +88,8 @@ def check_world_graph(settings: Settings, area_m: Vector) -> None:
                 f"[{area_m[0]:.12g}, {area_m[1]:.12g}] does not hold world.graph, which reaches to "
                 f"[{x:.12g}, {y:.12g}]; leave it out, or enlarge it",
             )
+        if settings.radio.line_of_sight:
+            check_sight(graph, settings.world.obstacles)
     wanted = {"world.placement": settings.world.placement}
     wanted |= {
         f"group.{group.name}.placement": group.placement

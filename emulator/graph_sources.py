@@ -20,7 +20,7 @@ from agent.loading import BehaviourError, forget_user_modules, is_file, load_fun
 from channels.graph_text import measured
 from channels.graphs import Graph, check
 from emulator.errors import InvalidError
-from emulator.graph_checks import check_obstacles
+from emulator.graph_checks import check_obstacles, check_sight
 from emulator.graphs import (
     MOST_PAIRS,
     MOST_VERTICES,
@@ -56,6 +56,7 @@ def with_graph(settings: Settings, folder: Path) -> Settings:
     graph = _checked_in_metres(graph, world.graph.scale_m, key)
     if world.graph.heard_m is not None:
         check_obstacles(world.obstacles)
+        check_sight(graph, world.obstacles)
         links = links_by_distance(graph, world.graph.heard_m, [*graph.obstacles, *world.obstacles])
         graph = msgspec.structs.replace(graph, links=links)
         if len(links) > MOST_PAIRS:

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from PIL import Image
 
+from agent.behaviours.reconnection.environments import KINDS
 from channels.graphs import Graph, hearing, starts
 from channels.medium import Medium
 from channels.messages import Hello, MotionCommand, RadioPlan, decode_hello, encode
@@ -334,6 +336,67 @@ def test_a_file_that_is_no_object() -> None:
 )  # fmt: skip
 def test_what_is_wrong_with_an_override(override: str, expected: str) -> None:
     assert complaint(BASE, override) == expected.replace("{folder}", str(Path.cwd()))
+
+
+# In metres the vertices of the file are at (2, 2), (6, 2), (10, 2) and (2, 6).
+SIGHT = ("radio.link=disc", "radio.range_m=9", "radio.line_of_sight=true")
+LEAVE = "from where nobody elsewhere is heard; move it, or leave these vertices out"
+
+
+@pytest.mark.parametrize("seen", [SIGHT, ("world.graph.heard_m=9",), (*SIGHT, "world.graph.heard_m=9")])
+@pytest.mark.parametrize(
+    ("held", "expected"),
+    [
+        ("[1, 1, 3, 3]", f"[1]: holds vertex 0 of world.graph, {LEAVE.replace('these vertices', 'this vertex')}"),
+        ("[1, 1, 7, 3]", f"[1]: holds vertices 0 and 1 of world.graph, {LEAVE}"),
+        ("[1, 1, 11, 3]", f"[1]: holds vertices 0, 1 and 2 of world.graph, {LEAVE}"),
+        ("[1, 1, 11, 7]", f"[1]: holds vertices 0, 1 and 2 more of world.graph, {LEAVE}"),
+    ],
+)  # fmt: skip
+def test_no_obstacle_makes_vertices_deaf(seen: tuple[str, ...], held: str, expected: str) -> None:
+    override = f"world.obstacles=[[0, 0, 1, 1], {held}]"
+    assert complaint(OF_FILE, *seen, override) == f"--set {override}: world.obstacles{expected}"
+    loaded(OF_FILE, override)  # where sight does not matter
+    loaded(OF_FILE, "radio.link=disc", "radio.range_m=9", override)
+
+
+@pytest.mark.parametrize("seen", [SIGHT, ("world.graph.heard_m=9",)])
+def test_obstacles_beside_vertices_are_fine(seen: tuple[str, ...]) -> None:
+    loaded(OF_FILE, *seen, "world.obstacles=[[2, 1, 6, 3], [2, 5, 3, 6], [0, 0, 1.999, 8]]")
+
+
+@pytest.mark.parametrize("seen", [SIGHT, ("world.graph.heard_m=9",)])
+def test_nor_does_one_of_the_graphs_own(seen: tuple[str, ...]) -> None:
+    Path("ell.json").write_text(json.dumps(FILE | {"obstacles": [[4, 0.5, 6, 1.5]]}))
+    loaded(OF_FILE)
+    why = LEAVE.replace("these vertices", "this vertex")
+    assert complaint(OF_FILE, *seen).endswith(
+        f": world.graph.obstacles[0]: holds vertex 2 of world.graph, {why}"
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_environments_may_have_walls(kind: str) -> None:
+    text = BASE.replace("gen.py:ring", "agent.behaviours.reconnection.environments:environment")
+    walls = 0
+    for seed, vertices in ((1, 150), (2, 60), (3, 7)):
+        size = f"world.graph.args={{kind='{kind}', vertices={vertices}}}"
+        for seen in (SIGHT, ("world.graph.heard_m=3",)):
+            walls += len(obstacles(loaded(text, size, *seen, seed=seed)))
+    assert (walls > 0) == (kind in ("gridholes", "maze"))
+
+
+def test_images_may_have_walls() -> None:
+    pixels = np.full((60, 80), 255, dtype=np.uint8)
+    pixels[np.random.default_rng(5).random(pixels.shape) < 0.15] = 0
+    pixels[:, 33] = pixels[20] = 0
+    pixels[5:9, 33] = pixels[20, 50:55] = 255
+    Image.fromarray(pixels).save("map.png")
+    text = BASE.replace("gen.py:ring", "agent.behaviours.reconnection.occupancy:occupancy")
+    for cell in (2, 5, 9):
+        for seen in (SIGHT, ("world.graph.heard_m=5",)):
+            scenario = loaded(text, f"world.graph.args={{image='map.png', cell={cell}}}", *seen)
+            assert len(obstacles(scenario)) > 100
 
 
 @pytest.mark.parametrize("key", ["link", "placement"])
