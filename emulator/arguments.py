@@ -13,11 +13,14 @@ Commands = Any
 
 
 def add_command(
-    commands: Commands, name: str, command: Callable[[argparse.Namespace], int], text: str
+    commands: Commands, name: str, command: Callable[[argparse.Namespace], int], text: str, more: str = ""
 ) -> argparse.ArgumentParser:
-    """A parser for the command `name`, which `command` carries out; `text` describes it in one line."""
+    """A parser for the command `name`, which `command` carries out.
+
+    `text` describes it in one line; `more`: sentences that its own help adds.
+    """
     parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=text, description=text[0].upper() + text[1:] + "."
+        name, help=text, description=f"{text[0].upper()}{text[1:]}. {more}".rstrip()
     )
     parser.set_defaults(command=command)
     return parser

@@ -250,7 +250,8 @@ def _parser() -> argparse.ArgumentParser:
     scenarios = add_command(commands, "scenarios", _scenarios, "list the scenarios that come with Heliograph")
     add_json(scenarios)
 
-    check = add_command(commands, "check", _check, "validate a scenario without running it")
+    own_params = "A behaviour's own [params] are not checked here: the behaviour does that when it starts."
+    check = add_command(commands, "check", _check, "validate a scenario without running it", own_params)
     _add_scenario(check)
 
     scored = add_command(commands, "score", _score, "score a log alone")
