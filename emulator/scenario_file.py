@@ -22,7 +22,7 @@ from emulator.graph_sources import with_graph
 from emulator.scenario import Scenario, Settings
 from emulator.scenario_checks import check, file_of
 from emulator.scenario_keys import convert
-from emulator.scenario_overrides import apply
+from emulator.scenario_overrides import Document, apply
 
 SHIPPED_PACKAGE = "scenarios"
 
@@ -41,11 +41,13 @@ def load(
     path = Path(name_or_path)
     if path.suffix == ".toml" or "/" in name_or_path:
         source, text, folder = name_or_path, _read(path, name_or_path), path.resolve().parent
+        document = Document(source)
     else:
         found = _find(name_or_path)
         source, text, folder = found.name, found.read_bytes(), None
+        document = Document(name_or_path, f"copy {found} and write it there")
     raw = _parse(text, source)
-    changes = _Changes(source)
+    changes = _Changes(source, document)
     if robots is not None:
         raw["robots"] = robots
         changes.labels["robots"] = f"--robots {robots}"
@@ -87,8 +89,9 @@ def shipped() -> list[tuple[str, str]]:
 class _Changes:
     """Which keys were given on the command line, so that errors name what the user wrote."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, document: Document | None = None) -> None:
         self.source = source
+        self.document = document or Document(source)
         self.labels: dict[str, str] = {}
 
     def error(self, invalid: InvalidError) -> UserError:
@@ -108,7 +111,7 @@ def _settings(raw: dict[str, Any], changes: _Changes, overrides: Sequence[str], 
     raw = copy.deepcopy(raw)
     for override in overrides:
         try:
-            key = apply(raw, override)
+            key = apply(raw, override, changes.document)
         except InvalidError as invalid:
             raise UserError(_told("--set", invalid)) from None
         changes.labels[key] = f"--set {' '.join(override.split())}"

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import copy
 import tomllib
-from typing import Any
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any, NamedTuple
 
 from msgspec import inspect
 
@@ -45,8 +47,16 @@ EXCLUSIVE: dict[Path, tuple[str, ...]] = {
 ARGS: Path = ("world", "graph", "args")
 
 
-def apply(raw: dict[str, Any], override: str) -> str:
-    """Change the document `raw` in place by one "key=value"; returns the key.
+class Document(NamedTuple):
+    """A scenario file, as it is told of."""
+
+    name: str
+    to_write: str = "write it there"
+    """How somebody gets a new key into it."""
+
+
+def apply(raw: dict[str, Any], override: str, document: Document) -> str:
+    """Change `raw`, what `document` holds, in place by one "key=value"; returns the key.
 
     Tables on the way are created, except below `params`, where only what the file has can be set, to a
     value of the same type, or to a table where it has a text: a word may stand for one. Arguments of the
@@ -63,6 +73,7 @@ def apply(raw: dict[str, Any], override: str) -> str:
     if path[0] in NAMED_BY and len(path) > 1:
         table, schema, depth = _named_table(raw, path), item(members(ROOT)[path[0]]), 2
     if path[depth] == "params" and len(path) > depth + 1:
+        _check_param(raw, table, path, depth, document)
         _set_param(raw, table, path, depth, text.strip())
     elif path[:-1] == ARGS:
         _set_arg(raw, path, text.strip())
@@ -145,21 +156,51 @@ def _parsed(text: str) -> Any:
     return document["value"] if set(document) == {"value"} else text
 
 
-def _set_param(raw: dict[str, Any], own: dict[str, Any], path: Path, depth: int, text: str) -> None:
-    """Set a param of the table `own`, at `path[:depth]`; it has those of the whole scenario as well."""
+def _check_param(
+    raw: dict[str, Any], own: dict[str, Any], path: Path, depth: int, document: Document
+) -> None:
+    """Raises InvalidError for a param that neither the table `own`, at `path[:depth]`, nor [params] has."""
     params = own.get("params", {})
     if not isinstance(params, dict):
         raise misfit(path[: depth + 1], ANY, params, raw)
-    shared = raw.get("params")
-    known: Any = copy.deepcopy((shared if isinstance(shared, dict) else {}) | params)
-    table = known
+    table: Any = _shared(raw) | params
     for walked, step in enumerate(path[depth + 1 :], depth + 2):
-        if not isinstance(table, dict) or step not in table:
-            raise unknown_key(path[:walked], table if isinstance(table, dict) else (), raw)
-        if walked < len(path):
-            table = table[step]
+        if not isinstance(table, dict):
+            raise unknown_key(path[:walked], (), raw)
+        if step not in table:
+            if get_close_matches(step, table, n=1):
+                raise unknown_key(path[:walked], table, raw)
+            shared = f"[{'.'.join(path[depth : walked - 1])}]"
+            own_table = ".".join(path[: walked - 1])
+            # A table of a robot's or group's own stands for the shared one, and hides what is added to that.
+            hides = walked > depth + 2 and path[depth + 1] in params
+            place = shared if not depth else own_table if hides else f"{own_table} or {shared}"
+            raise _absent(".".join(path[:walked]), place, table, document)
+        table = table[step]
+
+
+def _absent(key: str, place: str, present: Iterable[str], document: Document) -> InvalidError:
+    """What to say about a param that is not in the file: which ones there can be only behaviours know."""
+    names = ", ".join(sorted(present))
+    why = f"{document.name} has no such key under {place}; {document.to_write}, then --set can "
+    return InvalidError(key, f"{why}change it{f' (there are {names})' if names else ''}")
+
+
+def _set_param(raw: dict[str, Any], own: dict[str, Any], path: Path, depth: int, text: str) -> None:
+    """Set a param of the table `own`, at `path[:depth]`; it has those of the whole scenario as well."""
+    params = own.get("params", {})
+    known: Any = copy.deepcopy(_shared(raw) | params)
+    table = known
+    for step in path[depth + 1 : -1]:
+        table = table[step]
     table[path[-1]] = _alike(table[path[-1]], text, path)
     own["params"] = params | {path[depth + 1]: known[path[depth + 1]]}
+
+
+def _shared(raw: dict[str, Any]) -> dict[str, Any]:
+    """The params of all robots."""
+    shared = raw.get("params")
+    return shared if isinstance(shared, dict) else {}
 
 
 def _set_arg(raw: dict[str, Any], path: Path, text: str) -> None:

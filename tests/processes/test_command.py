@@ -243,7 +243,7 @@ def test_recover(finished: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
         (["check", "association", "--set", "radio.range_m=-3"], "--set radio.range_m=-3: must be a number of metres greater than 0"),
         (["check", "association", "--set", "radio.range_m=3 km"], "--set radio.range_m=3 km: must be a number"),
         (["check", "association", "--set", "radio.loss=1.5"], "--set radio.loss=1.5: must be a number from 0 to 1"),
-        (["check", "association", "--set", "params.speed=1"], "--set: unknown key params.speed"),
+        (["check", "association", "--set", "params.speed=1"], "--set: params.speed: association has no such key under [params]; copy "),
         (["check", "association", "--robots", "0"], "--robots 0: must be"),
         (["check", "association", "--duration", "-1"], "--duration -1: is a number of seconds greater than 0"),
         (["check", "association", "--set", "behaviour=agent.nothing:main"], "association: agent.nothing fails to import"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from channels.settings import BurstSettings, TdmaSettings, payload_limit
+from emulator.cli import main
 from emulator.errors import RunFailed, UserError
 from emulator.scenario import BounceMotion, Scenario, StaticMotion, resolved_json, team
 from emulator.scenario_file import from_resolved, load, shipped
@@ -28,6 +29,7 @@ mood = "calm"
 list = [1]
 table = { a = 1 }
 """
+WRITE = "write it there, then --set can change it"
 SLOTTED = 'range_m = 16.0\naccess = "tdma"'
 RATED = f"{SLOTTED}\nbit_rate_bps = 3000"
 
@@ -510,7 +512,19 @@ def test_files_that_cannot_be_read() -> None:
             "with slot_s, or with units and unit_bits",
         ),
         ("params.trys=3", "--set: unknown key params.trys, did you mean tries?"),
-        ("params.table.b=3", "--set: unknown key params.table.b, possible are a"),
+        (
+            "params.colour=3",
+            f"--set: params.colour: x.toml has no such key under [params]; {WRITE} (there are list, mood, step_s, table, tries)",
+        ),
+        (
+            "params.colour.x=3",
+            f"--set: params.colour: x.toml has no such key under [params]; {WRITE} (there are list, mood, step_s, table, tries)",
+        ),
+        (
+            "params.table.b=3",
+            f"--set: params.table.b: x.toml has no such key under [params.table]; {WRITE} (there are a)",
+        ),
+        ("params.list.b=3", "--set: unknown key params.list.b, nothing can be set there"),
         ("params.tries=1.5", "--set: params.tries: must be a whole number like the 3 in the file, is 1.5"),
         ("params.tries=true", "--set: params.tries: must be a whole number like the 3 in the file, is true"),
         ("params.step_s=fast", '--set: params.step_s: must be a number like the 0.5 in the file, is "fast"'),
@@ -547,6 +561,8 @@ def test_overrides_of_a_robots_table() -> None:
         ("robot.r01.heading_rad=up", '--set robot.r01.heading_rad=up: must be a number of radians, is "up"; write the bare number'),
         ("robot.r01.position_m=[9, 99]", "--set robot.r01.position_m=[9, 99]: [9, 99] lies outside the area, which reaches from [0, 0] to [20, 10]; move the robot or enlarge the area"),
         ("robot.r01.params.mint=b", "--set: unknown key robot.r01.params.mint, did you mean mine?"),
+        ("robot.r01.params.colour=b", f"--set: robot.r01.params.colour: x.toml has no such key under robot.r01.params or [params]; {WRITE} (there are list, mine, mood, step_s, table, tries)"),
+        ("robot.r01.params.table.b=b", f"--set: robot.r01.params.table.b: x.toml has no such key under robot.r01.params.table or [params.table]; {WRITE} (there are a)"),
         ("robot.r01.params.tries=b", '--set: robot.r01.params.tries: must be a whole number like the 9 in the file, is "b"'),
         ("robot.r01.params.tries.x=1", "--set: unknown key robot.r01.params.tries.x, nothing can be set there"),
         ("robot.r01.heading_rad.x=1", "--set: robot.r01.heading_rad: holds no keys that could be set singly; set it as a whole"),
@@ -566,7 +582,36 @@ def test_overrides_below_what_is_no_table() -> None:
 
 def test_params_that_the_file_does_not_have() -> None:
     without = BASE[: BASE.index("[params]")]
-    assert complaint(without, "params.a=1") == "--set: unknown key params.a, nothing can be set there"
+    expected = f"--set: params.a: x.toml has no such key under [params]; {WRITE}"
+    assert complaint(without, "params.a=1") == expected
+    assert complaint(f"{without}[params]", "params.a=1") == expected
+
+
+def test_a_table_of_a_robots_own_hides_the_shared_one() -> None:
+    text = BASE + ONE_ROBOT.replace('mine = "a"', "table = { b = 2 }")
+    found = complaint(text, "robot.r01.params.table.zeal=1")
+    assert "x.toml has no such key under robot.r01.params.table; write it there" in found
+    assert found.endswith("(there are b)")
+
+
+def test_check_says_what_it_does_not_check(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["check", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "A behaviour's own [params] are not checked here: the behaviour does that when it starts." in told
+
+
+def test_params_that_a_shipped_file_does_not_have() -> None:
+    with pytest.raises(UserError) as caught:
+        load("association", overrides=["params.zeal=1"])
+    before, _, after = str(caught.value).partition("; copy ")
+    assert before == "--set: params.zeal: association has no such key under [params]"
+    path, _, rest = after.partition(" and ")
+    assert Path(path).name == "association.toml"
+    assert rest.startswith("write it there, then --set can change it (there are ")
+    # It helps, as it says.
+    Path("mine.toml").write_text(f"{Path(path).read_text()}\n".replace("[params]", "[params]\nzeal = 2"))
+    assert load("mine.toml", overrides=["params.zeal=1"]).params["zeal"] == 1
 
 
 def test_mistaken_options() -> None:

@@ -352,6 +352,7 @@ def test_a_group_may_be_given_a_param_that_all_have() -> None:
         ("group.mobile.share=5 %", '--set group.mobile.share=5 %: must be a number from 0 to 1, is "5 %"; write the bare number'),
         ("group.mobile.robots=13", "x.toml with --set group.mobile.robots=13: group: needs 13 robots (mobile 13), the team has 12; make a group smaller"),
         ("group.mobile.params.drop=1", "--set: unknown key group.mobile.params.drop, did you mean drop_time?"),
+        ("group.mobile.params.colour=1", "--set: group.mobile.params.colour: x.toml has no such key under group.mobile.params or [params]; write it there, then --set can change it (there are drop_time, mood, tries)"),
         ("group.mobile.params.drop_time=a", '--set: group.mobile.params.drop_time: must be a whole number like the 20 in the file, is "a"'),
         ("group.mobile=1", "--set: group.mobile: is a table; set its keys singly, possible are altitude_m, behaviour, name, params, placement, robots, share, speed_mps"),
         ("group=1", "--set group=1: must be [[group]] tables, is 1"),
