@@ -88,7 +88,8 @@ def tables(schema: Schema) -> list[inspect.StructType]:
 
 def options(schema: Schema) -> list[Schema]:
     """What a place may hold, without the None that stands for "left out"."""
-    union = schema.types if isinstance(schema, inspect.UnionType) else (schema,)
+    whole = schema.type if isinstance(schema, inspect.Metadata) else schema
+    union = whole.types if isinstance(whole, inspect.UnionType) else (whole,)
     plain = [option.type if isinstance(option, inspect.Metadata) else option for option in union]
     return [option for option in plain if not isinstance(option, inspect.NoneType)]
 
@@ -187,6 +188,8 @@ def _bounds(schema: Number) -> str:
         return f" greater than {schema.gt:.15g} and at most {schema.le:.15g}"
     if schema.gt is not None:
         return f" greater than {schema.gt:.15g}"
+    if schema.ge is not None and schema.lt is not None:
+        return f" of at least {schema.ge:.15g} and less than {schema.lt:.15g}"
     # More digits than 15 are the limit of the type, which nobody wants to read.
     if schema.ge is not None and schema.le is not None and schema.le < 1e15:
         return f" from {schema.ge:.15g} to {schema.le:.15g}"

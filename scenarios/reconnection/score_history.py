@@ -19,11 +19,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from msgspec import MsgspecError, Struct, convert, msgpack
 
-from agent.behaviours.reconnection.model import Bools
 from agent.behaviours.reconnection.team import networks
 from channels.fates import Floats
 from channels.gates.range import Reach
-from channels.graphs import Graph, Rectangle, hearing
+from channels.graphs import Bools, Graph, Rectangle, hearing
 from channels.medium import reach_of
 from channels.settings import RadioSettings
 from channels.units import NS_PER_S, to_ns

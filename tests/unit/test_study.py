@@ -28,6 +28,8 @@ from scenarios.study import Study, Workers, error_of_sums, generator, mean_and_e
 class Dice(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sides: Annotated[int, Meta(ge=2, le=100, description="faces of a die")] = 6
     bias: Annotated[float, Meta(ge=0, le=1, description="weight of the one")] | None = None
+    cheating: Annotated[float, Meta(ge=0, lt=1, description="may it be loaded")] = 0.0
+    table: Annotated[str | None, Meta(description="what it is thrown on")] = None
 
 
 class Needy(Struct, frozen=True, kw_only=True):
@@ -181,6 +183,8 @@ def test_parameters_from_text() -> None:
         ({"sides": "2.5"}, "--set sides: must be a whole number from 2 to 100, is 2.5"),
         ({"bias": "nan"}, "--set bias: must be a number from 0 to 1, is nan"),
         ({"bias": "-0.1"}, "--set bias: must be a number from 0 to 1, is -0.1"),
+        ({"cheating": "1"}, "--set cheating: must be a number of at least 0 and less than 1, is 1"),
+        ({"table": "3"}, "--set table: must be a text in quotes, is 3"),
     ],
 )
 def test_parameters_that_do_not_fit(texts: dict[str, str], sentence: str) -> None:
@@ -202,6 +206,7 @@ def test_what_sets_nothing() -> None:
 def test_parameters_are_explained() -> None:
     assert explained(Dice) == [
         ("sides", "6", "faces of a die"), ("bias", "not set", "weight of the one"),
+        ("cheating", "0.0", "may it be loaded"), ("table", "not set", "what it is thrown on"),
     ]  # fmt: skip
 
 

@@ -89,7 +89,8 @@ def _translated(message: str, raw: dict[Any, Any]) -> str:
     """What msgspec found, in words of the file."""
     unknown = sorted(str(key) for key in raw if key not in _HELD)
     if unknown:
-        return f"unknown key {unknown[0][:60]}; possible are {', '.join(_HELD)}"
+        key = unknown[0][:60]
+        return f"unknown key {key if key.isprintable() else ascii(key)}; possible are {', '.join(_HELD)}"
     missing = [key for key in ("vertices", "edges") if key not in raw]
     if missing:
         return f"{missing[0]}: is missing; it {_HELD[missing[0]]}"

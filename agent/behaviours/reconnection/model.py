@@ -17,7 +17,6 @@ from typing import TypeAlias
 import numpy as np
 from msgspec import Struct
 
-from channels.graphs import Bools as Bools  # scores import it from here
 from channels.graphs import Floats, Graph, Ints, neighbours
 
 Distribution: TypeAlias = Sequence[float] | Floats
