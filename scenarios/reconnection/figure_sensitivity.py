@@ -64,7 +64,8 @@ def draw(label: str, ticks: Sequence[float], log: bool, table: Table, canvas: Ca
                       color=f"C{number}", label=name)  # fmt: skip
         for place, height, count in zip(x, high, line.column("censored"), strict=True):
             if count:
-                axes.annotate(f"{count} not ended", (place, height), fontsize=7, ha="center", va="bottom")
+                axes.annotate(f"{count} not ended", (place, height), (5, 0), textcoords="offset points",
+                              fontsize=7, va="center")  # fmt: skip
     if log:
         axes.set_xscale("log")
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
