@@ -1,7 +1,10 @@
-"""Tasks whose order in a set is the same in every run.
+"""Tasks whose order in a set is the same in every run, and whose end is not left to the garbage collector.
 
 asyncio keeps tasks in sets (a failing `TaskGroup` cancels its children in set order, `asyncio.wait`
 returns sets), and a set is ordered by hash, which for a task is its address in memory.
+
+It also keeps weak references only. A task that waits for what nobody else knows of is garbage, and ends when
+that is collected: at no time that a scenario could tell.
 """
 
 from __future__ import annotations
@@ -10,6 +13,8 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from itertools import count
 from typing import Any
+
+LEAST_KEPT = 64
 
 
 class NumberedTask(asyncio.Task[Any]):
@@ -24,11 +29,30 @@ class NumberedTask(asyncio.Task[Any]):
         return self._number
 
 
+class _Kept:
+    """Coroutines that have not ended.
+
+    What a coroutine waits for knows the task that it is to wake, which is kept thereby. Not the task itself is
+    held: that of an exception that nobody has asked for is to be told of as soon as it ends.
+    """
+
+    def __init__(self) -> None:
+        self._coroutines: list[Any] = []
+        self._room = LEAST_KEPT
+
+    def add(self, coro: Any) -> None:
+        if len(self._coroutines) >= self._room:
+            self._coroutines = [each for each in self._coroutines if getattr(each, "cr_frame", None)]
+            self._room = max(LEAST_KEPT, 2 * len(self._coroutines))
+        self._coroutines.append(coro)
+
+
 def numbered_tasks() -> Callable[..., NumberedTask]:
-    """Make a task factory (for `loop.set_task_factory`) that numbers its tasks 0, 1, 2, ..."""
-    numbers = count()
+    """Make a task factory (for `loop.set_task_factory`) that numbers its tasks 0, 1, 2, ..., and keeps them."""
+    numbers, kept = count(), _Kept()
 
     def make(loop: asyncio.AbstractEventLoop, coro: Coroutine[Any, Any, Any], **options: Any) -> NumberedTask:
+        kept.add(coro)
         return NumberedTask(next(numbers), coro, loop=loop, **options)
 
     return make

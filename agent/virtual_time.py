@@ -236,9 +236,9 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
                 self._poll(0)
             timers = self._scheduled
             while timers and timers[0]._when < due_before_s:
-                timer = heapq.heappop(timers)
-                timer._scheduled = False
-                ready.append(timer)
+                handle = heapq.heappop(timers)
+                handle._scheduled = False
+                ready.append(handle)
             todo = len(ready)
             if not todo:
                 if not self._threads:
@@ -255,6 +255,7 @@ class GrantedTimeLoop(asyncio.SelectorEventLoop):
                         raise
                     except BaseException as error:
                         self._report(handle, error)
+            handle = None  # or what it holds outlives its round, and is missed later than on asyncio's loop
         raise RuntimeError(
             f"not idle after {self.rounds_limit} rounds at {self.now_ns} ns of virtual time: does a task "
             "repeat asyncio.sleep(0) until something happens? Time stands still until it waits"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import selectors
 from collections.abc import Callable
 from functools import partial
@@ -116,6 +117,27 @@ def expected_of(program: Program) -> Trace:
 @given(programs(TIED_TICKS))
 def test_programs_do_the_same_on_asyncios_loop(program: Program) -> None:
     assert trace_of(program, GrantedTimeLoop(), run_granted, TICK_S) == expected_of(program)
+
+
+@settings(max_examples=60, deadline=None)
+@given(programs(TIED_TICKS))
+def test_the_garbage_collector_has_no_say(program: Program) -> None:
+    def run_and_collect(loop: asyncio.AbstractEventLoop) -> None:
+        assert isinstance(loop, GrantedTimeLoop)
+        loop.run_until_idle()
+        while (deadline_ns := loop.next_deadline()) is not None:
+            gc.collect()
+            loop.advance_to(deadline_ns)
+            loop.run_until_idle()
+        gc.collect()
+        loop.run_until_idle()
+
+    gc.disable()
+    try:
+        undisturbed = trace_of(program, GrantedTimeLoop(), run_granted, TICK_S)
+    finally:
+        gc.enable()
+    assert trace_of(program, GrantedTimeLoop(), run_and_collect, TICK_S) == undisturbed
 
 
 @settings(max_examples=50, deadline=None)
