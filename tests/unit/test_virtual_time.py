@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import contextlib
 import contextvars
 import gc
 import math
@@ -10,6 +11,7 @@ import sys
 import threading
 import time
 import warnings
+import weakref
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any
 
@@ -796,3 +798,65 @@ def test_a_task_that_spins_on_a_descriptor_gets_its_data(loop: GrantedTimeLoop, 
         loop.remove_reader(ours)
     assert task.done()
     assert got == [b"data"]
+
+
+# ---- what becomes of tasks is not left to the garbage collector
+
+
+@pytest.fixture
+def _no_collector() -> Iterator[None]:
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+def test_a_task_that_nobody_can_wake_is_kept_until_it_is_cancelled(
+    loop: GrantedTimeLoop, trace: Trace
+) -> None:
+    note = noter(loop, trace)
+
+    async def waits_for_ever() -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            note("ended")
+
+    loop.create_task(waits_for_ever())
+    run(loop)
+    gc.collect()
+    run(loop)
+    assert trace == []
+    (task,) = asyncio.all_tasks(loop)
+    task.cancel()
+    run(loop)
+    assert trace == [("ended", 0)]
+
+
+@pytest.mark.usefixtures("_no_collector")
+def test_what_has_ended_is_not_kept(loop: GrantedTimeLoop, trace: Trace) -> None:
+    ended = [weakref.ref(loop.create_task(asyncio.sleep(number))) for number in range(500)]
+    run(loop)
+    assert [each() for each in ended] == [None] * 500
+
+
+@pytest.mark.usefixtures("_no_collector")
+def test_a_failure_that_nobody_asks_for_is_told_of_as_soon_as_on_asyncios_loop(
+    loop: GrantedTimeLoop, trace: Trace
+) -> None:
+    note = noter(loop, trace)
+
+    async def fails() -> None:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(1):
+                await asyncio.sleep(2)
+        raise ValueError
+
+    async def waits() -> None:
+        await asyncio.wait([asyncio.ensure_future(fails())])
+        note("waited")
+
+    loop.set_exception_handler(lambda _loop, context: note(context["message"]))
+    loop.create_task(waits())
+    run(loop)
+    assert trace == [("NumberedTask exception was never retrieved", S), ("waited", S)]
