@@ -32,8 +32,8 @@ class NumberedTask(asyncio.Task[Any]):
 class _Kept:
     """Coroutines that have not ended.
 
-    What a coroutine waits for knows the task that it is to wake, which is kept thereby. Not the task itself is
-    held: that of an exception that nobody has asked for is to be told of as soon as it ends.
+    What a coroutine waits for knows the task that it is to wake, which is kept thereby. Not the task itself
+    is held: that an exception was never asked for is told when the task goes, which is to be as it ends.
     """
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class _Kept:
 
 
 def numbered_tasks() -> Callable[..., NumberedTask]:
-    """Make a task factory (for `loop.set_task_factory`) that numbers its tasks 0, 1, 2, ..., and keeps them."""
+    """Make a task factory (for `loop.set_task_factory`) that numbers its tasks from 0, and keeps them."""
     numbers, kept = count(), _Kept()
 
     def make(loop: asyncio.AbstractEventLoop, coro: Coroutine[Any, Any, Any], **options: Any) -> NumberedTask:
