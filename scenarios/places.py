@@ -13,6 +13,7 @@ from channels.graphs import Graph
 from channels.messages import MotionCommand
 from emulator.scenario import Motion, RobotSpec
 from emulator.world import World
+from scenarios.runs import start_of
 
 
 def positions(
@@ -43,8 +44,7 @@ def vertices(
 
 def altitudes(truth: Sequence[tuple[int, Mapping[str, Any]]]) -> list[float]:
     """Height [m] of every robot, which never changes."""
-    start = next(record for _, record in truth if record["kind"] == "start")
-    return [robot.get("altitude_m", 0.0) for robot in start["robots"]]
+    return [robot.get("altitude_m", 0.0) for robot in start_of(truth)["robots"]]
 
 
 def _worlds(
@@ -54,7 +54,7 @@ def _worlds(
     times_ns: Iterable[int],
 ) -> Iterator[tuple[int, World]]:
     """The world at each of these instants, in turn."""
-    start = next(record for _, record in truth if record["kind"] == "start")
+    start = start_of(truth)
     number = {robot["robot"]: index for index, robot in enumerate(start["robots"])}
     specs = [_spec(robot) for robot in start["robots"]]
     world = World(tuple(start["area_m"]), specs, _motion(motion), graph)

@@ -55,9 +55,14 @@ def read_run(log: LogReader) -> Run:
 
 def team_of(truth: Iterable[Record]) -> list[str]:
     """Ids of all robots, by number, from /truth. Raises ValueError where it does not begin."""
+    return [robot["robot"] for robot in start_of(truth)["robots"]]
+
+
+def start_of(truth: Iterable[Record]) -> Mapping[str, Any]:
+    """The record of /truth with which a run starts. Raises ValueError where there is none."""
     for _, record in truth:
         if record["kind"] == "start":
-            return [robot["robot"] for robot in record["robots"]]
+            return record
     raise ValueError("/truth: holds no record of the start, so nobody knows the team; record the run again")
 
 

@@ -15,6 +15,7 @@ from scenarios.association import score_metrics as metrics
 from scenarios.association.score import Entry, History, costs, read
 from scenarios.association.score_metrics import Truth, judge
 from scenarios.places import positions
+from scenarios.runs import start_of
 
 RANGES_FROM_WALLS = 3.0
 
@@ -69,11 +70,11 @@ def _deep(history: History) -> Iterator[bool]:
     """For each entry, whether its robot was far from the walls when the step began."""
     if not history.entries:
         return
-    starts = [record for _, record in history.truth if record["kind"] == "start"]
-    width, height = starts[0]["area_m"]
+    start = start_of(history.truth)
+    width, height = start["area_m"]
     depth_m = RANGES_FROM_WALLS * history.settings["camera"]["range_m"]
     step_ns = to_ns(history.settings["params"]["step_s"])
-    index = {robot["robot"]: number for number, robot in enumerate(starts[0]["robots"])}
+    index = {robot["robot"]: number for number, robot in enumerate(start["robots"])}
     begun_ns = [max(0, time_ns - step_ns) for time_ns in history.times_ns]
     places = positions(history.truth, history.settings["world"]["motion"], begun_ns)
     for (robot, _), positions_m in zip(history.entries, places, strict=True):

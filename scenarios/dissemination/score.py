@@ -24,7 +24,8 @@ from logs.reader import LogReader
 from scenarios.dissemination.knowledge import History, Knowledge, Transmission, knowledge, read
 from scenarios.dissemination.lattices import ALL, Lattice
 from scenarios.dissemination.score_age import Around, Updates, Window, around, summary
-from scenarios.places import positions
+from scenarios.places import altitudes, positions
+from scenarios.runs import start_of
 
 Floats = NDArray[np.float64]
 
@@ -173,7 +174,7 @@ def distances(history: History, range_m: float) -> Around:
 
 def instants_s(history: History) -> Floats:
     """When to look at places [s]: every `PLACES_S` from 0 on, or once where all robots stand."""
-    starts = next(record for _, record in history.truth if record["kind"] == "start")
+    starts = start_of(history.truth)
     moving = any(any(robot["velocity_mps"]) for robot in starts["robots"])
     if not moving and all(record["kind"] != "motion" for _, record in history.truth):
         return np.zeros(1)
@@ -184,14 +185,14 @@ def instants_s(history: History) -> Floats:
 
 def places(history: History, instants: Iterable[float]) -> Floats:
     """x, y and altitude [m] of every robot at these instants, which ascend: (T, n, 3)."""
-    altitudes = _starts(history)[:, 2]
+    altitudes_m = altitudes(history.truth)
     motion = history.settings["world"]["motion"]
     at = positions(history.truth, motion, [to_ns(instant) for instant in instants])
-    return np.array([np.column_stack((place, altitudes)) for place in at])
+    return np.array([np.column_stack((place, altitudes_m)) for place in at])
 
 
 def _starts(history: History) -> Floats:
-    start = next(record for _, record in history.truth if record["kind"] == "start")
+    start = start_of(history.truth)
     return np.array(
         [(*robot["position_m"], robot.get("altitude_m", 0.0)) for robot in start["robots"]], dtype=np.float64
     )

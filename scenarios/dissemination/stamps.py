@@ -19,6 +19,7 @@ from scenarios.dissemination.parameters import Alpha, Scheme, SlotLength, check_
 from scenarios.dissemination.score import distances
 from scenarios.dissemination.score_age import S_PER_MINUTE, Floats, spearman
 from scenarios.emulated import emulated
+from scenarios.runs import start_of
 from scenarios.study import Study, mean_and_error, one_each
 
 SCENARIO = "dissemination-mixed"
@@ -109,7 +110,7 @@ def _received(log: LogReader) -> dict[str, Any]:
 
 
 def _moves(history: History) -> list[bool]:
-    start = next(record for _, record in history.truth if record["kind"] == "start")
+    start = start_of(history.truth)
     told = {record["robot"] for _, record in history.truth if record["kind"] == "motion"}
     return [any(robot["velocity_mps"]) or robot["robot"] in told for robot in start["robots"]]
 

@@ -58,31 +58,32 @@ def test_from_nothing_to_a_scored_log(tmp_path: Path) -> None:
     assert read.stdout.startswith("0 r0")
 
 
-def test_channel_association(tmp_path: Path) -> None:
-    (commands,) = blocks("Channel association", "sh")
+@pytest.mark.parametrize(
+    ("section", "said", "files"),
+    [
+        (
+            "Channel association",
+            "expected_steps",
+            {"stationary.mcap", "mobile.mcap", "figure-07.png", "figure-07.svg", "figure-07.csv"},
+        ),
+        (
+            "State estimates across a team",
+            "frame_rate_hz  0.5787",
+            {"mixed.mcap", "coverage.mcap", "figure-02.png", "figure-02.svg", "figure-02.csv"},
+        ),
+        (
+            "Finding each other again",
+            "reached           True",
+            {"found.mcap", "persistent.mcap", "beliefs.png", "beliefs.svg", "beliefs.csv"},
+        ),
+    ],
+)
+def test_the_commands_of_an_experiment(section: str, said: str, files: set[str], tmp_path: Path) -> None:
+    (commands,) = blocks(section, "sh")
     done = shell(commands, tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "expected_steps" in done.stdout
-    written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == {"stationary.mcap", "mobile.mcap", "figure-07.png", "figure-07.svg", "figure-07.csv"}
-
-
-def test_state_estimates(tmp_path: Path) -> None:
-    (commands,) = blocks("State estimates across a team", "sh")
-    done = shell(commands, tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "frame_rate_hz  0.5787" in done.stdout
-    written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == {"mixed.mcap", "coverage.mcap", "figure-02.png", "figure-02.svg", "figure-02.csv"}
-
-
-def test_finding_each_other_again(tmp_path: Path) -> None:
-    (commands,) = blocks("Finding each other again", "sh")
-    done = shell(commands, tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "reached           True" in done.stdout
-    written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == {"found.mcap", "persistent.mcap", "beliefs.png", "beliefs.svg", "beliefs.csv"}
+    assert said in done.stdout
+    assert {path.name for path in tmp_path.rglob("*") if path.is_file()} == files
 
 
 SEARCH = """

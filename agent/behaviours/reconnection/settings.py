@@ -109,24 +109,23 @@ def expectation_of(
         ways,
         targets,
         holding=choice(params, "holding", HOLDINGS, "uniform"),
-        random_steps=whole_number(params, "random_steps", 50, least=0, most=LONGEST_STEPS),
-        tasks=whole_number(params, "tasks", 0, least=0, most=MOST_TASKS),
-        task_steps=whole_number(params, "task_steps", 10, most=MOST_TASK_STEPS),
         half_steps=not_negative(params, "half_steps", 0.0, most=MOST_HALF_STEPS),
+        **_own_business(params),
     )
 
 
 def member_of(robot: Robot, graph: Graph, ways: Ways) -> Member:
     """The robot as it begins. Draws from `robot.rng`."""
-    params = robot.params
-    return begun(
-        ways,
-        _start_of(robot, graph),
-        robot.rng,
-        random_steps=whole_number(params, "random_steps", 50, least=0, most=LONGEST_STEPS),
-        tasks=whole_number(params, "tasks", 0, least=0, most=MOST_TASKS),
-        task_steps=whole_number(params, "task_steps", 10, most=MOST_TASK_STEPS),
-    )
+    return begun(ways, _start_of(robot, graph), robot.rng, **_own_business(robot.params))
+
+
+def _own_business(params: Mapping[str, Any]) -> dict[str, int]:
+    """What a robot does before it searches, as `member.begun` and `knowledge.expectation` take it."""
+    return {
+        "random_steps": whole_number(params, "random_steps", 50, least=0, most=LONGEST_STEPS),
+        "tasks": whole_number(params, "tasks", 0, least=0, most=MOST_TASKS),
+        "task_steps": whole_number(params, "task_steps", 10, most=MOST_TASK_STEPS),
+    }
 
 
 def _start_of(robot: Robot, graph: Graph) -> int:
